@@ -1,0 +1,82 @@
+"""Outputs appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from mlscli.errors import OutputError
+
+
+def refuse_existing(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Refuse to replace what exists, before any work is done for it.
+
+    Raises
+    ------
+    OutputError
+        Where `path` exists and `overwrite` is False, is a folder, or its folder is missing.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise OutputError(f"{target}: is a folder; name a file")
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: the folder {target.parent} does not exist")
+    if target.exists() and not overwrite:
+        raise OutputError(f"{target}: exists already; choose another name or add --overwrite")
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[BinaryIO]:
+    """Open a binary stream that becomes `path` when the block ends without an error.
+
+    The bytes go to a temporary file in the same folder, which is renamed at the end and removed
+    if anything goes wrong.
+
+    Raises
+    ------
+    OutputError
+        As `refuse_existing`, and where the file cannot be written.
+    """
+    refuse_existing(path, overwrite=overwrite)
+    target = Path(path)
+    temporary = None
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        temporary = Path(name)
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.chmod(0o666 & ~_umask())
+        if overwrite:
+            temporary.replace(target)
+        else:
+            # Unlike a rename, a link never replaces a file that came into being meanwhile.
+            _rename_new(temporary, target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written: {error.strerror or error}") from error
+    finally:
+        if temporary is not None:
+            with suppress(FileNotFoundError):
+                temporary.unlink()
+
+
+def _rename_new(temporary: Path, target: Path) -> None:
+    try:
+        os.link(temporary, target)
+    except FileExistsError:
+        refuse_existing(target, overwrite=False)
+    except OSError:
+        # A file system without hard links.
+        refuse_existing(target, overwrite=False)
+        temporary.replace(target)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,103 @@
+"""Keyframes, the points they carry through the pipeline, and batches of them.
+
+A recording is a sequence of keyframes: a cloud, its time stamp, and where the craft was. The
+pipeline sees points only, each with the number of its keyframe.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.typing import Float64, Int32
+
+UNKNOWN_POSITION = (math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """A cloud in the map frame, when it was seen and from where.
+
+    Attributes
+    ----------
+    points : float64 (N, 3)
+        Coordinates in the unit of the recording, z up, all finite; never -0.0.
+    stamp : float
+        Time in seconds; NaN where not known.
+    position : tuple of float
+        Where the craft was, in the map frame; NaN where not known.
+    """
+
+    points: Float64
+    stamp: float = math.nan
+    position: tuple[float, float, float] = UNKNOWN_POSITION
+
+
+class Points(NamedTuple):
+    """Points on their way through the pipeline.
+
+    Attributes
+    ----------
+    xyz : float64 (N, 3)
+        Coordinates in the map frame.
+    keyframe : int32 (N,)
+        The number of each point's keyframe: its row in the map's route.
+    """
+
+    xyz: Float64
+    keyframe: Int32
+
+    @property
+    def size(self) -> int:
+        """How many points these are."""
+        return len(self.xyz)
+
+
+class Batch(NamedTuple):
+    """Successive keyframes, gathered until there were points enough.
+
+    Attributes
+    ----------
+    points : Points
+    route : float64 (K, 4)
+        Time, x, y, z of the craft, a row for each keyframe of the batch.
+    """
+
+    points: Points
+    route: Float64
+
+
+def gather(keyframes: Iterable[Keyframe], first: int = 0) -> Batch:
+    """Put keyframes together, numbered from `first` in the order given."""
+    clouds = [np.empty((0, 3))]
+    route = []
+    for keyframe in keyframes:
+        clouds.append(keyframe.points)
+        route.append((keyframe.stamp, *keyframe.position))
+    sizes = [len(cloud) for cloud in clouds[1:]]
+    numbers = np.arange(first, first + len(sizes), dtype=np.int32)
+    points = Points(np.ascontiguousarray(np.concatenate(clouds)), np.repeat(numbers, sizes))
+    return Batch(points, np.array(route, dtype=np.float64).reshape(-1, 4))
+
+
+def batches(keyframes: Iterable[Keyframe], min_points: int) -> Iterator[Batch]:
+    """Gather keyframes until a batch has at least `min_points` points.
+
+    The last batch takes what is left, so that no point is lost. (Thesis, section 4.1: the
+    minimum size of published point clouds.)
+    """
+    waiting: list[Keyframe] = []
+    size = first = 0
+    for keyframe in keyframes:
+        waiting.append(keyframe)
+        size += len(keyframe.points)
+        if size >= min_points:
+            yield gather(waiting, first)
+            first += len(waiting)
+            waiting, size = [], 0
+    if waiting:
+        yield gather(waiting, first)

@@ -1,0 +1,1 @@
+"""The stages, and the builder that runs them: points and maps, nothing of files."""

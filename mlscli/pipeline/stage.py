@@ -1,0 +1,96 @@
+"""What a stage is: a frozen dataclass of parameters that knows how to apply itself.
+
+A stage turns its whole input into its whole output and declares its *reach*: how many cells
+away something can still change a result. Where it is evaluated is then the caller's choice: fed
+with all that lies within its reach of some cells, it gives those cells the patches that it gives
+them when fed with everything.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+from mlscli.cells import Limits
+from mlscli.keyframes import Points
+from mlscli.parameters import Length, parameter
+
+if TYPE_CHECKING:
+    from mlscli.surface_map import SurfaceMap
+
+
+class Fault(NamedTuple):
+    """Parameters of one stage that contradict each other."""
+
+    field: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of the pipeline with its parameters."""
+
+    name: ClassVar[str]
+
+    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
+        """Yield what the parameters contradict; sizes are None where not yet known."""
+        yield from ()
+
+
+@dataclass(frozen=True)
+class PointStage(Stage):
+    """A stage that reads and writes points."""
+
+    @abstractmethod
+    def reach(self, cell_size: float) -> int:
+        """Return how many cells away a point can still change another's result."""
+
+    @abstractmethod
+    def apply(self, points: Points, cell_size: float) -> Points:
+        """Return the points that stay, in their order, with their new heights."""
+
+
+@dataclass(frozen=True)
+class MapStage(Stage):
+    """A stage that reads and writes a map.
+
+    Inside the limits the map becomes what the stage makes of it without limits; cells outside
+    stay as they were.
+    """
+
+    min_x: int | None = parameter(None, "least cell index in x that the stage changes")
+    max_x: int | None = parameter(None, "greatest cell index in x that the stage changes")
+    min_y: int | None = parameter(None, "least cell index in y that the stage changes")
+    max_y: int | None = parameter(None, "greatest cell index in y that the stage changes")
+
+    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
+        """Yield a fault where the limits leave no cell between them."""
+        for axis in "xy":
+            least, greatest = getattr(self, f"min_{axis}"), getattr(self, f"max_{axis}")
+            if least is not None and greatest is not None and least > greatest:
+                yield Fault(f"min_{axis}", f"{least} is above max_{axis} ({greatest})")
+
+    @abstractmethod
+    def reach(self, cell_size: float) -> int | None:
+        """Return how many cells away a patch can still change a result; None: any number."""
+
+    @abstractmethod
+    def transform(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return what the stage makes of the whole map, without limits."""
+
+    def apply(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return the map after the stage, within its limits."""
+        limits = self.limits
+        if limits == Limits():
+            return self.transform(surface)
+        reach = self.reach(surface.cell_size)
+        source = surface if reach is None else surface.crop(*limits.widened(reach))
+        outside = surface.take(~limits.contain(surface.ix, surface.iy))
+        return outside.union(self.transform(source).crop(*limits))
+
+    @property
+    def limits(self) -> Limits:
+        """The cells that the stage may change."""
+        return Limits(self.min_x, self.max_x, self.min_y, self.max_y)

@@ -1,0 +1,147 @@
+"""From points to measured patches, and maps merged, by single linkage.
+
+How one could cheat: clouds with one group a cell, no equal heights, no negative cells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlscli.errors import UsageError
+from mlscli.keyframes import Points
+from mlscli.merging import add_measured
+from mlscli.pipeline.grouping import group
+from mlscli.surface_map import COLUMNS, SurfaceMap
+from mlscli.typing import Bool
+from tests import references
+from tests.maps import (
+    CELL,
+    GAP,
+    KEYFRAMES,
+    THICKNESS,
+    Patch,
+    map_of,
+    patches_of,
+    random_points,
+    symmetries,
+    turned_map,
+    turned_points,
+)
+
+ROUTE = np.full((KEYFRAMES, 4), np.nan)
+
+
+def measured(points: Points) -> SurfaceMap:
+    return replace(group(points, CELL, GAP, THICKNESS), route=ROUTE)
+
+
+def split(points: Points, first: Bool) -> tuple[Points, Points]:
+    one = Points(points.xyz[first], points.keyframe[first])
+    return one, Points(points.xyz[~first], points.keyframe[~first])
+
+
+def test_patches_agree_with_the_model_read_plainly() -> None:
+    rng = np.random.default_rng(1)
+    vertical = several = 0
+    for _ in range(300):
+        points = random_points(rng)
+        surface = measured(points)
+        surface.check()
+        rows = references.measured(points, CELL, GAP, THICKNESS)
+        for name in COLUMNS:
+            assert getattr(surface, name).tolist() == [row[name] for row in rows]
+        vertical += int((surface.depth > 0).sum())
+        several += int((np.diff(surface.cells.start) > 1).sum())
+    assert vertical > 100
+    assert several > 100
+
+
+def test_a_noisy_floor_stays_a_floor_with_more_points() -> None:
+    rng = np.random.default_rng(2)
+    for size in (4, 36, 1000):
+        xyz = np.c_[rng.uniform(0, CELL, (size, 2)), rng.normal(0, 0.07, size)]
+        surface = measured(Points(xyz, np.zeros(size, dtype=np.int32)))
+        assert surface.depth.tolist() == [0.0]
+    assert float(surface.top[0] - surface.bottom[0]) > THICKNESS
+
+
+def test_shuffling_and_turning_the_points_turns_the_map() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        points = random_points(rng)
+        surface = measured(points)
+        order = rng.permutation(points.size)
+        assert measured(Points(points.xyz[order], points.keyframe[order])) == surface
+        for symmetry in symmetries():
+            assert measured(turned_points(points, symmetry)) == turned_map(surface, symmetry)
+
+
+def test_merging_two_maps_gives_the_map_of_all_points() -> None:
+    rng = np.random.default_rng(4)
+    joined = 0
+    for _ in range(300):
+        points = random_points(rng)
+        one, other = split(points, rng.random(points.size) < rng.random())
+        expected = measured(points)
+        # Both number keyframes from the same route.
+        for merged in (
+            add_measured(measured(one), measured(other)),
+            add_measured(measured(other), measured(one)),
+        ):
+            merged.check()
+            for name in COLUMNS:
+                mine, right = getattr(merged, name), getattr(expected, name)
+                if name in ("mean", "variance", "height"):
+                    np.testing.assert_allclose(mine, right, rtol=1e-12, atol=1e-12)
+                elif name == "depth":
+                    # A spread within rounding of the thickness may fall either way.
+                    np.testing.assert_array_equal(mine, right)
+                else:
+                    np.testing.assert_array_equal(mine, right)
+        joined += measured(one).size + measured(other).size > expected.size
+    assert joined > 100
+
+
+def test_merged_maps_number_the_second_flight_after_the_first() -> None:
+    points = random_points(np.random.default_rng(5), 60)
+    one, other = split(points, np.arange(60) < 30)
+    merged = measured(one).merge(measured(other))
+    merged.check()
+    assert len(merged.route) == 2 * KEYFRAMES
+    second = Points(other.xyz, other.keyframe + KEYFRAMES)
+    both = Points(
+        np.concatenate((one.xyz, second.xyz)), np.concatenate((one.keyframe, second.keyframe))
+    )
+    expected = measured(both)
+    assert merged.count.tolist() == expected.count.tolist()
+    assert merged.first_keyframe.tolist() == expected.first_keyframe.tolist()
+    assert merged.last_keyframe.tolist() == expected.last_keyframe.tolist()
+
+
+def test_new_points_undo_corrections_and_delete_what_was_inserted_near_them() -> None:
+    lowered = map_of([Patch(0, 0, 1.0, 0.0, 0, 5), Patch(0, 0, 3.0, 0.0, 2, 0)])
+    lowered = replace(lowered, height=np.array([0.9, 3.0]))
+    elsewhere = replace(map_of([Patch(0, 0, 9.0, 0.0, 0, 5)]), route=ROUTE)
+    assert add_measured(lowered, elsewhere).height.tolist() == [0.9, 3.0, 9.0]
+    near_the_inserted = map_of([Patch(0, 0, 3.0 - GAP, 0.0, 0, 5)])
+    assert add_measured(lowered, near_the_inserted).origin.tolist() == [0, 0]
+    on_the_lowered = map_of([Patch(0, 0, 1.0, 0.0, 0, 5)])
+    merged = add_measured(lowered, on_the_lowered)
+    assert merged.height.tolist() == [1.0, 3.0]
+    assert merged.count.tolist() == [10, 0]
+
+
+def test_of_inserted_patches_of_two_maps_the_higher_stays() -> None:
+    one = map_of([Patch(0, 0, 1.0, 0.0, 1, 0), Patch(1, 0, 1.0, 0.0, 2, 0)])
+    other = map_of([Patch(0, 0, 1.5, 0.0, 2, 0), Patch(1, 0, 1.0, 0.0, 1, 0)])
+    for merged in (one.merge(other), other.merge(one)):
+        assert [(p.height, p.origin) for p in patches_of(merged)] == [(1.5, 2), (1.0, 1)]
+    assert one.merge(one) == one
+
+
+def test_maps_of_different_grids_are_not_merged() -> None:
+    with pytest.raises(UsageError, match="cell_size"):
+        map_of([]).merge(map_of([], cell_size=1.0))
