@@ -1,0 +1,131 @@
+"""Pyramid artefacts (thesis, section 3.4): lone patches that stand out above all neighbours.
+
+A neighbour is, in each of the four direct cells, the patch nearest in height (equal: the higher),
+if it is at most `max_height` away in height. For a patch with all four, let `high` and `low` be
+the highest and the lowest of their heights. If
+``height - high > height_factor_thresh * (high - low)``, the height becomes `high`, and the depth
+what is left of it. Where that brings the patch within `gap_size` of another of its cell, it
+doubles that surface and is removed instead. A patch within `gap_size` of another of its cell is
+no pyramid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from mlscli.parameters import Length, comparable, in_units, parameter
+from mlscli.pipeline.grouping import distance
+from mlscli.pipeline.neighbours import beside, nearest_in
+from mlscli.pipeline.stage import Fault, MapStage
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import Bool, Float64, Int32, Int64
+
+
+@dataclass(frozen=True)
+class Pyramids(MapStage):
+    """Lower patches that stand out above all four neighbours."""
+
+    name: ClassVar[str] = "pyramids"
+
+    height_factor_thresh: float = parameter(
+        1.5,
+        "a patch is lowered that rises above its highest neighbour by more than so many times "
+        "the neighbours' height difference",
+        low=0,
+    )
+    max_height: Length | None = parameter(
+        None,
+        "greatest height difference of a patch and its neighbour; at most gap_size",
+        low=0,
+        default_from="map.gap_size",
+    )
+
+    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:
+        """Yield a fault where a neighbour could be a patch of another level."""
+        yield from super().faults(cell_size, gap_size)
+        if self.max_height is None or gap_size is None:
+            return
+        if cell_size is None and not comparable(self.max_height, gap_size):
+            return
+        if in_units(self.max_height, cell_size or 1.0) > in_units(gap_size, cell_size or 1.0):
+            yield Fault("max_height", f"{self.max_height} exceeds gap_size; at most {gap_size}")
+
+    def reach(self, cell_size: float) -> int:  # noqa: ARG002
+        """Return 1: only direct neighbours count."""
+        return 1
+
+    def transform(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return the map without its pyramids."""
+        limit = surface.gap_size
+        if self.max_height is not None:
+            limit = min(limit, in_units(self.max_height, surface.cell_size))
+        height, depth, stays = _lowered(
+            *surface.cells,
+            surface.height,
+            surface.depth,
+            surface.gap_size,
+            self.height_factor_thresh,
+            limit,
+        )
+        return surface.with_columns(height=height, depth=depth).take(stays)
+
+
+@njit(cache=True, nogil=True)
+def _lowered(
+    ix: Int32,
+    iy: Int32,
+    start: Int64,
+    height: Float64,
+    depth: Float64,
+    gap_size: float,
+    factor: float,
+    max_height: float,
+) -> tuple[Float64, Float64, Bool]:
+    """Return the new heights and depths, and which patches stay."""
+    new_height, new_depth = height.copy(), depth.copy()
+    stays = np.ones(len(height), dtype=np.bool_)
+    four = beside(ix, iy)
+    for cell in range(len(ix)):
+        if four[cell].min() < 0:
+            continue
+        begin, end = start[cell], start[cell + 1]
+        for i in range(begin, end):
+            low_end = height[i] - depth[i]
+            if _meets_another(i, begin, end, low_end, height[i], height, depth, gap_size):
+                continue
+            neighbours = 0
+            high, low = -np.inf, np.inf
+            for there in four[cell]:
+                j = nearest_in(start[there], start[there + 1], height, height[i])
+                if abs(height[j] - height[i]) <= max_height:
+                    neighbours += 1
+                    high, low = max(high, height[j]), min(low, height[j])
+            if neighbours == 4 and height[i] - high > factor * (high - low):
+                new_height[i], new_depth[i] = high, max(0.0, high - low_end)
+                low_end = new_height[i] - new_depth[i]
+                stays[i] = not _meets_another(i, begin, end, low_end, high, height, depth, gap_size)
+    return new_height, new_depth, stays
+
+
+@njit(cache=True, nogil=True)
+def _meets_another(
+    i: int,
+    begin: int,
+    end: int,
+    low_end: float,
+    high_end: float,
+    height: Float64,
+    depth: Float64,
+    gap_size: float,
+) -> bool:
+    """Tell whether [low_end, high_end] is within `gap_size` of a patch other than i."""
+    for j in range(begin, end):
+        apart = distance(low_end, high_end, height[j] - depth[j], height[j])
+        if j != i and apart <= gap_size:
+            return True
+    return False

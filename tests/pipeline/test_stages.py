@@ -1,0 +1,214 @@
+"""Each stage does what its rule says, wherever it is evaluated.
+
+How one could cheat: a reference that calls the kernel; maps without ties, levels or gaps; maps on
+which a stage changes nothing. Hence references of plain loops, heights in coarse steps on half of
+the maps, and a test that each stage changes many of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlscli.cells import CellSet, Limits
+from mlscli.parameters import Cells
+from mlscli.pipeline.orphans import Orphans
+from mlscli.pipeline.plaster import Plaster
+from mlscli.pipeline.pyramids import Pyramids
+from mlscli.pipeline.regions import Regions
+from mlscli.pipeline.stage import MapStage
+from mlscli.pipeline.walls import Walls
+from mlscli.surface_map import SurfaceMap
+from tests import references
+from tests.maps import (
+    CELL,
+    GAP,
+    Patch,
+    map_of,
+    patches_of,
+    random_map,
+    rough_floor,
+    symmetries,
+    turned_map,
+)
+
+MAPS = 300
+
+Reference = Callable[[list[Patch]], list[Patch]]
+
+
+def orphans(rng: np.random.Generator) -> tuple[MapStage, Reference]:
+    horizontal, vertical = float(rng.choice([0, 0.5, 1.0, 1.3])), float(rng.choice([0, 0.25, 0.5]))
+    least = int(rng.integers(0, 4))
+    stage = Orphans(horizontal=horizontal, vertical=vertical, min_neighbours=least)
+    return stage, lambda p: references.orphans(p, CELL, horizontal, vertical, least)
+
+
+def gaps(rng: np.random.Generator) -> tuple[float, float, float]:
+    """Return a slope, max_gap and max_gap_enhanced; lengths of whole cells and others."""
+    narrow = float(rng.choice([0, 0.4, 0.5, 1.0]))
+    wide = float(rng.choice([0, narrow, 1.5, 2.6]))
+    return float(rng.choice([0, 0.5, 1.0])), narrow, 0.0 if wide < narrow else wide
+
+
+def plaster(rng: np.random.Generator) -> tuple[MapStage, Reference]:
+    slope, narrow, wide = gaps(rng)
+    clearance = float(rng.choice([0, 0.25]))
+    stage = Plaster(
+        height_thresh=slope, height_clearance=clearance, max_gap=narrow, max_gap_enhanced=wide
+    )
+    return stage, lambda p: references.plaster(p, CELL, GAP, slope, clearance, narrow, wide)
+
+
+def walls(rng: np.random.Generator) -> tuple[MapStage, Reference]:
+    slope, narrow, wide = gaps(rng)
+    stage = Walls(height_thresh=slope, max_gap=narrow, max_gap_enhanced=wide)
+    return stage, lambda p: references.walls(p, CELL, GAP, slope, narrow, wide)
+
+
+def pyramids(rng: np.random.Generator) -> tuple[MapStage, Reference]:
+    factor, highest = float(rng.choice([0, 0.5, 1.5])), float(rng.choice([0.5, GAP]))
+    stage = Pyramids(height_factor_thresh=factor, max_height=highest)
+    return stage, lambda p: references.pyramids(p, GAP, factor, highest)
+
+
+def regions(rng: np.random.Generator) -> tuple[MapStage, Reference]:
+    thresh, least = float(rng.choice([0, 0.25, 0.5])), int(rng.integers(1, 6))
+    snap = bool(rng.random() < 0.5)
+    stage = Regions(height_thresh=thresh, min_size=least, snap=snap)
+    return stage, lambda p: references.regions(p, GAP, thresh, least, snap)
+
+
+STAGES = [orphans, plaster, walls, pyramids, regions]
+every_stage = pytest.mark.parametrize("draw", STAGES)
+Draw = Callable[[np.random.Generator], tuple[MapStage, Reference]]
+
+
+def map_for(draw: Draw, rng: np.random.Generator) -> SurfaceMap:
+    """Return a map on which the stage finds something."""
+    return rough_floor(rng) if draw is pyramids else random_map(rng)
+
+
+@every_stage
+def test_a_stage_agrees_with_its_rule_read_plainly(draw: Draw) -> None:
+    rng = np.random.default_rng(1)
+    changed = 0
+    for _ in range(MAPS):
+        surface = map_for(draw, rng)
+        stage, reference = draw(rng)
+        before, after = patches_of(surface), patches_of(stage.apply(surface))
+        assert after == reference(before)
+        changed += after != before
+    assert changed > MAPS / 10
+
+
+@every_stage
+def test_a_stage_keeps_the_model(draw: Draw) -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(MAPS):
+        draw(rng)[0].apply(map_for(draw, rng)).check()
+
+
+@every_stage
+def test_limits_confine_a_stage_and_change_nothing_inside(draw: Draw) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(MAPS):
+        surface = map_for(draw, rng)
+        stage, _ = draw(rng)
+        west, south, width = rng.integers(-7, 3), rng.integers(-7, 3), rng.integers(0, 9)
+        limits = Limits(int(west), int(west + width), int(south), None)
+        limited = replace(stage, **limits._asdict()).apply(surface)
+        assert limited.crop(*limits) == stage.apply(surface).crop(*limits)
+        outside_after = limited.take(~limits.contain(limited.ix, limited.iy))
+        assert outside_after == surface.take(~limits.contain(surface.ix, surface.iy))
+
+
+@every_stage
+def test_limits_without_a_cell_between_them_are_a_fault(draw: Draw) -> None:
+    stage, _ = draw(np.random.default_rng(8))
+    assert [f.field for f in replace(stage, min_y=3, max_y=2).faults(CELL, GAP)] == ["min_y"]
+    assert list(replace(stage, min_y=3, max_y=3).faults(CELL, GAP)) == []
+
+
+@pytest.mark.parametrize("draw", STAGES[:-1])
+def test_a_stage_reads_no_farther_than_its_reach(draw: Draw) -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(MAPS):
+        surface = map_for(draw, rng)
+        stage, _ = draw(rng)
+        reach = stage.reach(CELL)
+        assert reach is not None
+        cells = CellSet.of(rng.integers(-7, 10, 3), rng.integers(-7, 10, 3))
+        near = surface.in_cells(cells.widened(reach))
+        assert stage.apply(near).in_cells(cells) == stage.apply(surface).in_cells(cells)
+
+
+@every_stage
+def test_turning_the_map_turns_the_result(draw: Draw) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(MAPS // 4):
+        surface = map_for(draw, rng)
+        stage, _ = draw(rng)
+        result = stage.apply(surface)
+        for symmetry in symmetries():
+            turned = stage.apply(turned_map(surface, symmetry))
+            expected = turned_map(result, symmetry)
+            # Regions are the same up to their numbers.
+            assert _without_regions(turned) == _without_regions(expected)
+            if draw is regions:
+                pairs = set(zip(turned.region.tolist(), expected.region.tolist(), strict=True))
+                assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+@every_stage
+def test_an_empty_map_stays_empty(draw: Draw) -> None:
+    stage, _ = draw(np.random.default_rng(6))
+    assert stage.apply(SurfaceMap.empty(CELL, GAP, 0.25)).size == 0
+
+
+def test_lengths_in_cells_and_in_units_are_the_same() -> None:
+    surface = random_map(np.random.default_rng(7))
+    in_cells = Plaster(height_clearance=Cells(0.5), max_gap=Cells(1), max_gap_enhanced=Cells(3))
+    in_units = Plaster(height_clearance=0.25, max_gap=0.5, max_gap_enhanced=1.5)
+    assert in_cells.apply(surface) == in_units.apply(surface)
+
+
+def test_plaster_closes_the_gap_beside_a_bridge_higher_not_along_one_axis() -> None:
+    # The thesis's figure 6.10: a cell between ground (along x) and bridge (along y).
+    ground = [Patch(x, 0, 0.0, 0.0, 0, 5) for x in (-1, 1)]
+    bridge = [Patch(0, y, 0.5, 0.0, 0, 5) for y in (-1, 1)]
+    closed = Plaster(max_gap=CELL, max_gap_enhanced=0).apply(map_of(ground + bridge))
+    assert [p for p in patches_of(closed) if p.cell == (0, 0)] == [Patch(0, 0, 0.5, 0.0, 1, 0)]
+
+
+def test_the_space_under_a_bridge_stays_open() -> None:
+    ground = [Patch(x, y, 0.0, 0.0, 0, 5) for x in range(5) for y in range(5)]
+    deck = [Patch(x, 2, 3.0, 0.0, 0, 5) for x in range(5)]
+    walls_then_plaster = Plaster().apply(Walls().apply(map_of(ground + deck)))
+    between = [p for p in patches_of(walls_then_plaster) if 0.0 < p.height < 3.0]
+    assert between == []
+
+
+def test_a_pyramid_that_would_double_another_surface_is_removed() -> None:
+    floor = [
+        Patch(x, y, 0.0, 0.0, 0, 5) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)
+    ]
+    peak, below = Patch(0, 0, 0.6, 0.0, 0, 5), Patch(0, 0, -0.5, 0.0, 0, 5)
+    lowered = Pyramids().apply(map_of([*floor, peak]))
+    assert [p.height for p in patches_of(lowered) if p.cell == (0, 0)] == [0.0]
+    removed = Pyramids().apply(map_of([*floor, peak, below]))
+    assert [p.height for p in patches_of(removed) if p.cell == (0, 0)] == [-0.5]
+
+
+def test_walls_fill_a_window_no_larger_than_allowed() -> None:
+    wall = [Patch(0, 0, 1.0, 1.0, 0, 9), Patch(0, 0, 3.0, 1.0, 0, 9)]
+    closed = patches_of(Walls(max_gap=0.5, max_gap_enhanced=1.0).apply(map_of(wall)))
+    assert closed[1] == Patch(0, 0, 2.0, 1.0, 2, 0)
+    assert Walls(max_gap=0.5, max_gap_enhanced=0.9).apply(map_of(wall)) == map_of(wall)
+
+
+def _without_regions(surface: SurfaceMap) -> SurfaceMap:
+    return surface.with_columns(region=np.full(surface.size, -1, dtype=np.int32))
