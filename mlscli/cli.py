@@ -1,0 +1,168 @@
+"""The command line: commands that load when they are called, and what an error ends in.
+
+This is the only place that exits. Errors are a line each on standard error, and the exit status
+says what kind they are: 1 the work failed, 2 wrong usage or configuration, 3 done but for input
+that could not be read, 130 and 143 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import traceback
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import import_module
+from types import FrameType
+from typing import NoReturn
+
+import click
+
+from mlscli import __version__
+from mlscli.errors import ConfigError, MlsError, nearest
+
+# Name to module and to a line of help, so that the help of the group loads none of them.
+COMMANDS = {
+    "build": ("mlscli.commands.build", "Build a map from a recording."),
+    "export": ("mlscli.commands.export", "Write a map as a mesh."),
+    "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
+    "config": ("mlscli.commands.config", "Write, show and check parameters."),
+}
+
+
+class Stopped(BaseException):
+    """A signal asks the program to stop; unwinding removes what is unfinished."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.exit_status = 128 + number
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Return the names of the commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = import_module(COMMANDS[cmd_name][0]).command
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that the arguments begin with, or suggest the nearest."""
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            ctx.fail(f"no command {name!r}; {nearest(name, COMMANDS)}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """List the commands without importing any."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, help_line) for name, (_, help_line) in COMMANDS.items()])
+
+
+@dataclass
+class Run:
+    """What holds for the whole run."""
+
+    debug: bool = False
+
+
+@click.group(
+    cls=LazyGroup, no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]}
+)
+@click.version_option(__version__, prog_name="mls")
+@click.option("--debug", is_flag=True, help="Show where in the program an error arose.")
+@click.pass_obj
+def commands(run: Run, debug: bool) -> None:
+    """Multi-level surface maps and meshes from recorded drone flights."""
+    run.debug = debug
+
+
+def main() -> NoReturn:
+    """Run the command line and exit."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Where it is ignored, as under nohup, it stays so.
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _stop)
+    run = Run()
+    try:
+        status = _status(run)
+    except BaseException as error:
+        status = _report(error, run)
+    sys.exit(status)
+
+
+def _stop(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
+    # A second signal must not interrupt the clearing up.
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, signal.SIG_IGN)
+    raise Stopped(number)
+
+
+def _status(run: Run) -> int:
+    status = commands.main(prog_name="mls", standalone_mode=False, obj=run)
+    if sys.stdout is not None:
+        # A full disk shows only now, and must not pass for success.
+        sys.stdout.flush()
+    return status if isinstance(status, int) else 0
+
+
+def _report(error: BaseException, run: Run) -> int:
+    """Say what went wrong and return the exit status."""
+    if isinstance(error, SystemExit | OSError):
+        # What standard output does not take goes nowhere, without a complaint at the end.
+        with suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else 1
+    if isinstance(error, BrokenPipeError):
+        # Nobody reads on, as in a pipe to `head`.
+        return 1
+    lines, status = _explain(error)
+    with suppress(OSError):
+        if run.debug:
+            traceback.print_exception(error)
+        for line in lines:
+            click.echo(f"mls{_printable(line)}", err=True)
+    return status
+
+
+def _explain(error: BaseException) -> tuple[list[str], int]:
+    """Return the lines to print, to follow the program's name, and the exit status."""
+    match error:
+        case ConfigError():
+            return [f": {fault}" for fault in error.faults], error.exit_status
+        case MlsError():
+            return [f": {error}"], error.exit_status
+        case click.UsageError():
+            path = error.ctx.command_path if error.ctx else "mls"
+            message = " ".join(error.format_message().split()).rstrip(".")
+            return [f"{path.removeprefix('mls')}: {message} (see '{path} --help')"], 2
+        case click.ClickException():
+            return [f": {error.format_message()}"], error.exit_code
+        case Stopped():
+            return [": interrupted"], error.exit_status
+        case click.Abort() | KeyboardInterrupt():
+            return [": interrupted"], 128 + signal.SIGINT
+        case OSError():
+            name = error.filename or "input or output"
+            return [f": {name}: {error.strerror or error}"], 1
+        case MemoryError():
+            return [": out of memory; crop the recording or choose a larger cell size"], 1
+        case _:
+            what = f"{type(error).__name__}: {error}".rstrip(": ")
+            advice = "run again as 'mls --debug ...' for the traceback"
+            return [f": internal error: {what}; {advice}"], 1
+
+
+def _printable(text: str) -> str:
+    """Keep a message to one line, and names in it from steering the terminal."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -1,0 +1,64 @@
+"""``mls config``: write, show and check parameters."""
+
+from __future__ import annotations
+
+import click
+
+from mlscli.commands.options import as_json, configured, overwrite, say
+from mlscli.errors import ConfigError, MlsError
+
+
+@click.group(no_args_is_help=False)
+def command() -> None:
+    """Write, show and check parameters."""
+
+
+@command.command()
+@click.option("--preset", default="default", metavar="NAME", help="default, plain or thesis.")
+@click.option("-o", "--output", default="params.yaml", show_default=True, metavar="FILE")
+@overwrite
+def init(preset: str, output: str, overwrite: bool) -> None:
+    """Write a preset with its comments to a file, to be edited."""
+    from mlscli.config import preset_text
+    from mlscli.io.atomic import atomic_write
+
+    text = preset_text(preset)
+    with atomic_write(output, overwrite=overwrite) as stream:
+        stream.write(text.encode())
+    say(f"{output}: written; use it with -c {output}")
+
+
+@command.command()
+@configured
+@as_json
+def show(config: str | None, settings: tuple[str, ...], as_json: bool) -> None:
+    """Print the parameters in force, each with its unit and range."""
+    from mlscli.config import load, to_dict, to_yaml
+
+    parameters = load(config, settings)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(to_dict(parameters), indent=2))
+    else:
+        click.echo(to_yaml(parameters), nl=False)
+
+
+@command.command()
+@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+def check(files: tuple[str, ...]) -> None:
+    """Check configurations and report every fault in them."""
+    from mlscli.config import load
+
+    faults: list[str] = []
+    for name in files:
+        try:
+            load(name)
+        except ConfigError as error:
+            faults += error.faults
+        except MlsError as error:
+            faults.append(str(error))
+        else:
+            say(f"{name}: ok")
+    if faults:
+        raise ConfigError(faults)

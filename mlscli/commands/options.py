@@ -1,0 +1,41 @@
+"""Options that several commands share, each worded once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def configured(command: Command) -> Command:
+    """Add ``-c`` and ``--set``; the command takes them as `config` and `settings`."""
+    for option in (
+        click.option(
+            "--set",
+            "settings",
+            multiple=True,
+            metavar="NAME=VALUE",
+            help="Set one parameter, such as plaster.max_gap=0.4 or mode=sequential.",
+        ),
+        click.option(
+            "-c",
+            "--config",
+            metavar="FILE",
+            help="Parameters in YAML, or a preset: default, plain, thesis.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+overwrite = click.option("--overwrite", is_flag=True, help="Replace the output where it exists.")
+
+as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+
+
+def say(message: str) -> None:
+    """Tell the user something that is no result, on standard error."""
+    click.echo(message, err=True)

@@ -1,0 +1,211 @@
+"""Configurations: YAML to parameters, and parameters to YAML with a comment on each.
+
+A configuration is checked as a whole. Every fault in it is reported at once, each with its file,
+line and column, what was found and what would be right.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+from mlscli.config.draft import Draft, Part
+from mlscli.config.parameter_set import (
+    DEFAULT_PIPELINE,
+    SECTIONS,
+    BatchParameters,
+    Contradiction,
+    MapParameters,
+    Parameters,
+    Vehicle,
+    contradictions,
+    dotted,
+)
+from mlscli.config.schema import Field, fields_of, json_value, write_value
+from mlscli.config.yaml_nodes import LocatedFault, Place, UnreadableYaml
+from mlscli.errors import ConfigError, InputError, nearest
+from mlscli.pipeline.registry import STAGES
+
+__all__ = [
+    "PRESETS",
+    "BatchParameters",
+    "MapParameters",
+    "Parameters",
+    "Vehicle",
+    "load",
+    "loads",
+    "preset_text",
+    "to_dict",
+    "to_yaml",
+]
+
+PRESETS = ("default", "plain", "thesis")
+MAX_BYTES = 1_000_000
+
+
+def load(source: str | os.PathLike[str] | None = None, sets: Sequence[str] = ()) -> Parameters:
+    """Read a configuration file or a preset.
+
+    Parameters
+    ----------
+    source
+        The file, or the bare name of a preset (see `PRESETS`); None: all defaults.
+    sets
+        Settings ``stage.param=value`` that take precedence over the file.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or is no text.
+    ConfigError
+        With every fault of the file and the settings.
+    """
+    if source is None:
+        return _parameters("", None, sets)
+    if isinstance(source, str) and source in PRESETS:
+        return loads(preset_text(source), source, sets)
+    return loads(_file_text(source), os.fspath(source), sets)
+
+
+def loads(text: str, name: str = "configuration", sets: Sequence[str] = ()) -> Parameters:
+    """Read a configuration from a text that messages call `name`; see `load`."""
+    return _parameters(text, name, sets)
+
+
+def preset_text(name: str) -> str:
+    """Return a preset as it is written, with its comments.
+
+    Raises
+    ------
+    ConfigError
+        Where there is no such preset.
+    """
+    if name not in PRESETS:
+        raise ConfigError([f"{name}: no preset of that name; {nearest(name, PRESETS)}"])
+    folder: Traversable = resources.files("mlscli") / "presets"
+    if not folder.is_dir():
+        # In a source tree, which an editable install points to, the folder stands at the root.
+        folder = Path(__file__).resolve().parents[2] / "configs"
+    return (folder / f"{name}.yaml").read_text(encoding="utf-8")
+
+
+def _file_text(source: str | os.PathLike[str]) -> str:
+    path = Path(source)
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        bare = path.name == os.fspath(source) and not path.suffix
+        hint = f", nor a preset; {nearest(path.name, PRESETS)}" if bare else ""
+        raise InputError(f"{path}: no such configuration file{hint}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read as a configuration: {reason}") from error
+    if len(data) > MAX_BYTES:
+        raise InputError(f"{path}: more than {MAX_BYTES} bytes, which is no configuration")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        found = f"byte 0x{data[error.start]:02x} at offset {error.start}"
+        raise InputError(f"{path}: {found} is not UTF-8; save it as UTF-8 text") from error
+
+
+def _parameters(text: str, name: str | None, sets: Sequence[str]) -> Parameters:
+    draft = Draft({"": Parameters, **SECTIONS}, STAGES, DEFAULT_PIPELINE)
+    try:
+        draft.read(text, name or "")
+    except UnreadableYaml as error:
+        raise ConfigError([str(error.fault)]) from error
+    for setting in sets:
+        draft.set(setting)
+    parameters = _assemble(draft)
+    whole = Place("defaults") if name is None else Place(name, 1, 1)
+    for found in contradictions(parameters):
+        place, path = _blame(draft, found) or whole, dotted(found.part, found.field)
+        draft.fault(place, f"{path}: {found.message}")
+    if draft.faults:
+        # In the order of the file, then the settings in theirs.
+        ordered = sorted(draft.faults, key=_reading_order)
+        # One setting can be at fault in several stages of a name.
+        raise ConfigError(list(dict.fromkeys(map(str, ordered))))
+    return parameters
+
+
+def _reading_order(fault: LocatedFault) -> tuple[bool, int, int]:
+    return (not fault.place.line, fault.place.line, fault.place.column)
+
+
+def _assemble(draft: Draft) -> Parameters:
+    """Give every parameter its value: as given, from another, or the default."""
+    in_force: dict[str, Any] = {}
+
+    def values(part: Part) -> dict[str, Any]:
+        taken = {}
+        for item in fields_of(part.owner).values():
+            value = part.given[item.name].value if item.name in part.given else None
+            if item.name not in part.given or (value is None and item.default_from):
+                value = in_force[item.default_from] if item.default_from else item.default
+            taken[item.name] = in_force[part.path(item.name)] = value
+        return taken
+
+    sections = {name: owner(**values(draft.sections[name])) for name, owner in SECTIONS.items()}
+    stages = tuple(part.owner(**values(part)) for part in draft.pipeline)
+    return Parameters(**values(draft.sections[""]), **sections, pipeline=stages)
+
+
+def _blame(draft: Draft, found: Contradiction) -> Place | None:
+    """Return where a contradicted parameter was given, else where its stage stands."""
+    part = draft.sections[found.part] if found.stage is None else draft.pipeline[found.stage]
+    given = part.given.get(found.field)
+    return given.place if given else part.place
+
+
+def to_dict(parameters: Parameters) -> dict[str, Any]:
+    """Return the parameters as JSON can hold them: lengths as numbers or ``N cells``."""
+    top = {name: json_value(getattr(parameters, name)) for name in fields_of(Parameters)}
+    sections = {name: _plain(getattr(parameters, name)) for name in SECTIONS}
+    stages = [{stage.name: _plain(stage)} for stage in parameters.pipeline]
+    return {**top, **sections, "pipeline": stages}
+
+
+def _plain(part: object) -> dict[str, Any]:
+    return {name: json_value(getattr(part, name)) for name in fields_of(type(part))}
+
+
+def to_yaml(parameters: Parameters) -> str:
+    """Write the parameters as a configuration that reads back as the same.
+
+    Each has a comment on what it does, its unit and its range.
+    """
+    lines = [
+        "# Parameters of a map. A length is in the unit of the recording, or in cells: N cells."
+    ]
+    lines += ["", *_commented(parameters, "")]
+    for name in SECTIONS:
+        lines += ["", f"{name}:", *_commented(getattr(parameters, name), "  ")]
+    if not parameters.pipeline:
+        return "\n".join(
+            [*lines, "", "# No stages: the points become the map as they are.", "pipeline: []", ""]
+        )
+    lines += ["", "# The stages, in order.", "pipeline:"]
+    for stage in parameters.pipeline:
+        summary = (type(stage).__doc__ or "").partition("\n")[0]
+        lines += [f"  # {summary}", f"  - {stage.name}:", *_commented(stage, "      ")]
+    return "\n".join([*lines, ""])
+
+
+def _commented(part: object, indent: str) -> Iterator[str]:
+    for item in fields_of(type(part)).values():
+        comment = f"{item.help} ({_range(item)})"
+        yield from wrap(comment, 96, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
+        yield f"{indent}{item.name}: {write_value(getattr(part, item.name))}"
+
+
+def _range(item: Field) -> str:
+    default = item.default_from or write_value(item.default)
+    return f"{item.accepts}; default: {default}"
