@@ -1,0 +1,156 @@
+"""Lines of text as columns: their names, their fields, and a quick way to their numbers."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from mlscli.errors import UsageError
+from mlscli.typing import Float64
+
+COLUMNS = ("x", "y", "z", "keyframe", "t", "cx", "cy", "cz")
+
+_OTHER_NAMES = {"pos_x": "x", "pos_y": "y", "pos_z": "z", "kf": "keyframe", "kf_id": "keyframe"}
+_SEPARATOR = re.compile(r"[ \t]*[,;][ \t]*|[ \t]+")
+_SEPARATORS = ",; \t"
+_TO_BLANK = str.maketrans(",;", "  ")
+_WITHOUT_BLANKS = str.maketrans(";", ",", " \t")
+
+
+def parse_columns(columns: str) -> dict[str, int]:
+    """Return where each named column stands in ``x,y,z,-,keyframe``; ``-`` skips one.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown or repeated, or x, y, z or part of cx, cy, cz is missing.
+    """
+    names = [name.strip().lower() for name in columns.split(",")]
+    for name in names:
+        if name != "-" and name not in COLUMNS:
+            fault = f"found {name!r}"
+        elif name != "-" and names.count(name) > 1:
+            fault = f"{name} is named more than once"
+        else:
+            continue
+        break
+    else:
+        fault = _missing(names)
+    if fault:
+        raise UsageError(
+            f"--columns {columns}: {fault}; the names are {', '.join(COLUMNS)}, each at most "
+            "once, and - for a column to skip; x, y and z are needed"
+        )
+    return {name: names.index(name) for name in names if name != "-"}
+
+
+def header_columns(names: Sequence[str]) -> dict[str, int] | None:
+    """Return where each known column stands in a header; None where x, y, z are not clear."""
+    known = [_OTHER_NAMES.get(name, name) for name in names]
+    if _missing(known) or any(known.count(name) > 1 for name in COLUMNS):
+        return None
+    return {name: known.index(name) for name in known if name in COLUMNS}
+
+
+def _missing(names: Sequence[str]) -> str:
+    """Say which columns these lack; nothing where they suffice."""
+    centre = [name for name in ("cx", "cy", "cz") if name in names]
+    needed = ["x", "y", "z", *(["cx", "cy", "cz"] if centre else [])]
+    absent = [name for name in needed if name not in names]
+    return f"{', '.join(absent)} missing" if absent else ""
+
+
+def fields(line: str) -> list[str]:
+    """Split a line; a missing value is an empty field, a comment or blank line has none."""
+    line = line.partition("#")[0].strip(" \t").rstrip(_SEPARATORS)
+    if not line or line.startswith("//"):
+        return []
+    return [word.strip("\"'") for word in _SEPARATOR.split(line)]
+
+
+def header_names(line: str) -> list[str]:
+    """Return the names in a header, commented or not, in lower case."""
+    return [name.lower() for name in fields(line.strip().lstrip("#/"))]
+
+
+def is_blank(line: str) -> bool:
+    """Tell whether a line holds nothing but separators; a comment is something."""
+    return not line.strip(_SEPARATORS)
+
+
+def is_number(word: str) -> bool:
+    """Tell whether Python reads the word as a number; ``nan`` and ``inf`` are numbers."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return "_" not in word
+
+
+def clean(text: str) -> str:
+    """Return lines of fields parted by blanks, missing values as nan, without comments.
+
+    Blank lines stay; lines that are only a comment go.
+    """
+    bare = text.translate(_WITHOUT_BLANKS)
+    plain = not any(mark in text for mark in ("#", "//", '"', "'")) and not any(
+        empty in bare for empty in (",,", ",\n", "\n,")
+    )
+    if plain and not bare.startswith(",") and not bare.endswith(","):
+        return text.translate(_TO_BLANK)
+    lines = ((line, fields(line)) for line in text.split("\n"))
+    return "\n".join(
+        " ".join(word or "nan" for word in words)
+        for line, words in lines
+        if words or is_blank(line)
+    )
+
+
+def numbers(cleaned: str, places: Iterable[int]) -> Float64 | None:
+    """Parse columns of cleaned lines.
+
+    Parameters
+    ----------
+    cleaned : str
+        At least one line that is not blank.
+    places : ints
+        Which columns to return, in this order.
+
+    Returns
+    -------
+    float64 (N, columns) or None
+        Each number as Python's `float` reads it; None where a line is broken.
+    """
+    try:
+        return np.loadtxt(io.StringIO(cleaned), comments=None, usecols=tuple(places), ndmin=2)
+    except ValueError:
+        return None
+
+
+def first_fault(text: str, layout: dict[str, int]) -> tuple[int, str]:
+    """Return the index of the first broken line, what it holds, and what was expected."""
+    for number, line in enumerate(text.split("\n")):
+        words = fields(line)
+        for name, place in layout.items() if words else ():
+            if place >= len(words):
+                count = f"{len(words)} column{'s' if len(words) > 1 else ''}"
+                found = f"{count} ({_short(line.strip())})"
+                return number, f"found {found}, expected {name} in column {place + 1}"
+            word = words[place]
+            optional = name != "keyframe" and not word
+            if not optional and not (is_number(word) and _may_be(float(word), name)):
+                return number, f"found {_short(word) or 'nothing'} as {name}, expected a number"
+    return 0, "found characters among the numbers that are no digits, expected plain numbers"
+
+
+def _may_be(value: float, name: str) -> bool:
+    return math.isfinite(value) or name != "keyframe"
+
+
+def _short(text: str) -> str:
+    """Quote a text, cut to what fits on a line."""
+    return repr(text if len(text) <= 40 else text[:37] + "...") if text else ""

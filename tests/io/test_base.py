@@ -1,0 +1,88 @@
+"""Formats, told by content.
+
+How these tests could be cheated: by formats told by their endings, or by refusing only the very
+files that are at hand. So contents stand under wrong names, and real files are joined by the
+first bytes of others.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlscli.errors import InputError
+from mlscli.io.base import rows_by_first_appearance
+from mlscli.io.recording import open_recording
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("sparse/stella_map_small.msg", "binary data"),
+        ("sparse/colmap_pysfm", "COLMAP"),
+        ("sparse/colmap_pysfm/points3D.bin", "binary data"),
+        ("sparse/opensfm_berlin", "OpenSfM"),
+        ("sparse/opensfm_berlin/reconstruction.json", "JSON"),
+        ("sparse/opensfm_berlin/tracks.csv", "OPENSFM_TRACKS"),
+        ("sparse/euroc_orb2_KeyFrameTrajectory_tum.txt", "74 beyond 1e8"),
+        ("multilevel/building_floors_cgal.ply", "PLY"),
+        ("multilevel/als_bridge_samp21.pcd", "PCD"),
+        ("multilevel/drone_odm_defect_wall.laz", "LAS"),
+        ("hard/pcd_comma_body.pcd", "PCD"),
+        ("bags/ros1_ouster_in_mcap_zstd.mcap", "profile 'ros1'"),
+        ("bags/ros1_no_messages.bag", "no topics"),
+        ("bags/ros1_luminar_pc2_lz4.bag", "--frame luminar_lidar"),
+        ("bags", "no metadata.yaml"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_by_name(shared_data: Path, name: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        list(open_recording(shared_data / name).keyframes())
+    assert name in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "nothing"),
+        (b" \n\n", "nothing"),
+        (b"1 2 3\n\x00\x00\x00", "binary"),
+        ("1 2 3\n".encode("utf-16"), "binary"),
+        (b"ply\nformat ascii 1.0\n", "PLY"),
+        (b"# 3D point list with one line of data per point:\n1 0 0 0 255 255 255 0.1\n", "COLMAP"),
+        (b"#ROSBAG V1.2\n", "before 2.0"),
+        (b"#ROSBAG V2.0\n", "ROS 1 bag"),
+        (b"\x89MCAP0\r\n", "MCAP"),
+        (b"SQLite format 3\x00" + bytes(100), "ROS 2 bag"),
+        (b"\x1f\x8b\x08" + bytes(20), "gzip"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_on_one_line(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
+    path = tmp_path / "cloud.xyz"
+    path.write_bytes(content)
+
+    with pytest.raises(InputError, match=words) as error:
+        list(open_recording(path).keyframes())
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_not_there_or_no_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        open_recording(tmp_path / "none.bag")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="neither a file nor a folder"):
+        open_recording(tmp_path / "pipe")
+
+
+def test_rows_are_grouped_by_label_in_order_of_first_appearance() -> None:
+    groups = rows_by_first_appearance(np.array([5, -1, 5, 9, -1]))
+
+    assert [rows.tolist() for rows in groups] == [[0, 2], [1, 4], [3]]
+    assert rows_by_first_appearance(np.empty(0)) == []

@@ -1,0 +1,187 @@
+"""Clouds as ROS serializes them.
+
+How these tests could be cheated: by reading only the layouts that drivers commonly write, by
+taking fields in the order in which they are listed, or by a decoder that builds its own input.
+So layouts are drawn at random, and the bytes are packed by `struct`, value by value.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mlscli.io.messages import MalformedCloudError, decode_pointcloud, decode_pointcloud2
+
+CODES = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
+
+
+@dataclass
+class Layout:
+    """A random PointCloud2 and the values that it was packed from."""
+
+    message: SimpleNamespace
+    xyz: list[list[float]]
+    labels: list[float] | None
+
+
+def values(datatype: int) -> st.SearchStrategy[Any]:
+    if datatype >= 7:
+        return st.floats(width=32 if datatype == 7 else 64)
+    bits = 8 * struct.calcsize(CODES[datatype])
+    low = -(2 ** (bits - 1)) if datatype % 2 else 0
+    return st.integers(low, low + 2**bits - 1)
+
+
+@st.composite
+def layouts(draw: st.DrawFn) -> Layout:
+    label = draw(st.sampled_from([None, "keyframe", "kf", "kf_id"]))
+    others = ["intensity", "ring"][: draw(st.integers(0, 2))]
+    names = draw(st.permutations(["x", "y", "z", *others, *([label] if label else [])]))
+    order = draw(st.sampled_from("<>"))
+    datatypes = {name: draw(st.integers(1, 8)) for name in names}
+    counts = {name: draw(st.integers(1, 3)) for name in names}
+    offsets, step = {}, 0
+    for name in draw(st.permutations(names)):
+        offsets[name] = step + draw(st.integers(0, 3))
+        step = offsets[name] + counts[name] * struct.calcsize(CODES[datatypes[name]])
+    step += draw(st.integers(0, 5))
+    height, width = draw(st.integers(0, 3)), draw(st.integers(0, 4))
+    row_step = width * step + draw(st.integers(0, 7))
+    data = bytearray(draw(st.binary(min_size=height * row_step, max_size=height * row_step)))
+    rows: list[dict[str, float]] = []
+    for row in range(height):
+        for column in range(width):
+            point = {name: draw(values(datatypes[name])) for name in names}
+            for name, value in point.items():
+                at = row * row_step + column * step + offsets[name]
+                struct.pack_into(order + CODES[datatypes[name]], data, at, value)
+            rows.append(point)
+    fields = [
+        SimpleNamespace(
+            name=name, offset=offsets[name], datatype=datatypes[name], count=counts[name]
+        )
+        for name in names
+    ]
+    message = SimpleNamespace(
+        height=height,
+        width=width,
+        fields=fields,
+        is_bigendian=order == ">",
+        point_step=step,
+        row_step=row_step,
+        data=np.frombuffer(bytes(data), dtype=np.uint8),
+    )
+    xyz = [[float(row[axis]) for axis in "xyz"] for row in rows]
+    return Layout(message, xyz, [row[label] for row in rows] if label else None)
+
+
+@settings(deadline=None)
+@given(layouts())
+def test_any_layout_yields_the_values_that_were_packed(layout: Layout) -> None:
+    points = decode_pointcloud2(layout.message).points
+
+    expected = np.array(layout.xyz, dtype=np.float64).reshape(-1, 3)
+    assert points.dtype == np.float64
+    np.testing.assert_array_equal(points, expected)
+    numbers = ~np.isnan(expected)
+    assert np.array_equal(np.signbit(points[numbers]), np.signbit(expected[numbers]))
+
+
+@settings(deadline=None)
+@given(layouts())
+def test_a_keyframe_field_splits_a_cloud_in_order_of_first_appearance(layout: Layout) -> None:
+    clouds = decode_pointcloud2(layout.message).split()
+
+    groups: dict[object, list[list[float]]] = {}
+    for number, point in enumerate(layout.xyz):
+        label = layout.labels[number] if layout.labels is not None else 0
+        groups.setdefault("nan" if label != label else label, []).append(point)
+    assert len(clouds) == max(1, len(groups))
+    for cloud, group in zip(clouds, groups.values(), strict=False):
+        np.testing.assert_array_equal(cloud, np.array(group))
+
+
+def cloud(**changes: object) -> SimpleNamespace:
+    fields = [
+        SimpleNamespace(name=n, offset=4 * i, datatype=7, count=1) for i, n in enumerate("xyz")
+    ]
+    message = SimpleNamespace(
+        height=1,
+        width=2,
+        fields=fields,
+        is_bigendian=False,
+        point_step=12,
+        row_step=24,
+        data=np.frombuffer(struct.pack("<6f", 1, 2, 3, 4, 5, 6), dtype=np.uint8),
+    )
+    vars(message).update(changes)
+    return message
+
+
+def test_a_single_row_needs_no_row_step() -> None:
+    points = decode_pointcloud2(cloud(row_step=0)).points
+
+    assert points.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"width": 3}, "24 bytes of data, expected 36"),
+        ({"width": 1, "row_step": 12}, "24 bytes of data, expected 12"),
+        ({"width": 2**32 - 1, "height": 2**32 - 1}, "24 bytes of data"),
+        ({"point_step": 0, "row_step": 0, "data": np.empty(0, np.uint8)}, "point_step 0"),
+        ({"height": 2, "width": 1, "row_step": 0}, "row_step 0"),
+        ({"point_step": 8, "width": 3}, "field z ends at byte 12"),
+        ({"fields": cloud().fields[:2]}, "no field z, expected x, y and z beside x, y"),
+        ({"fields": []}, "beside none"),
+        (
+            {"fields": [*cloud().fields[:2], SimpleNamespace(name="z", offset=8, datatype=9)]},
+            "field z has datatype 9",
+        ),
+    ],
+)
+def test_a_cloud_that_contradicts_itself_is_refused_before_memory_is_taken(
+    changes: dict[str, object], words: str
+) -> None:
+    with pytest.raises(MalformedCloudError, match=words):
+        decode_pointcloud2(cloud(**changes))
+
+
+def test_a_cloud_without_points_needs_no_fields() -> None:
+    empty = cloud(width=0, fields=[], data=np.empty(0, np.uint8), point_step=0, row_step=0)
+
+    assert decode_pointcloud2(empty).points.shape == (0, 3)
+
+
+def point_cloud(channel: str, labels: list[float]) -> SimpleNamespace:
+    return SimpleNamespace(
+        points=[SimpleNamespace(x=float(i), y=0.5, z=-1.0) for i in range(4)],
+        channels=[
+            SimpleNamespace(name="rgb", values=np.zeros(4, np.float32)),
+            SimpleNamespace(name=channel, values=np.array(labels, np.float32)),
+        ],
+    )
+
+
+@pytest.mark.parametrize("name", ["keyframe", "kf", "kf_id"])
+def test_a_keyframe_channel_splits_a_point_cloud(name: str) -> None:
+    clouds = decode_pointcloud(point_cloud(name, [7, 3, 7, 3])).split()
+
+    assert [[x for x, _, _ in cloud.tolist()] for cloud in clouds] == [[0, 2], [1, 3]]
+
+
+def test_a_channel_of_another_name_does_not_split_a_point_cloud() -> None:
+    assert len(decode_pointcloud(point_cloud("intensity", [7, 3, 7, 3])).split()) == 1
+
+
+def test_a_keyframe_channel_of_another_length_is_refused() -> None:
+    with pytest.raises(MalformedCloudError, match="3 values in channel kf, expected one for each"):
+        decode_pointcloud(point_cloud("kf", [1, 2, 3]))
