@@ -1,0 +1,118 @@
+"""`mls build`: from recordings to a map."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mlscli.commands import report
+from mlscli.commands.options import as_json, configured, overwrite, say
+from mlscli.commands.progress import ProgressBar
+from mlscli.commands.reading import reading
+
+if TYPE_CHECKING:
+    from mlscli.pipeline.builder import Build
+
+PARTLY_READ = 3
+
+
+@click.command()
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--output",
+    metavar="MAP",
+    help="The map's file; by default the first source's name with .npz, in the current folder.",
+)
+@configured
+@reading
+@overwrite
+@as_json
+def command(
+    sources: tuple[str, ...],
+    output: str | None,
+    config: str | None,
+    settings: tuple[str, ...],
+    overwrite: bool,
+    as_json: bool,
+    **selection: Any,
+) -> int:
+    """Build a multi-level surface map from a recording.
+
+    SOURCE is a ROS 1 bag, a ROS 2 bag (folder, .db3 or .mcap) or a text cloud, told by content;
+    several are read in turn, as one flight.
+    """
+    from mlscli.config import load
+    from mlscli.io.atomic import refuse_existing
+    from mlscli.io.mapfile import write_map
+    from mlscli.io.recording import open_recording
+
+    begin = time.perf_counter()
+    parameters = load(config, settings)
+    target = output or default_output(sources[0])
+    refuse_existing(target, overwrite=overwrite)
+    recording = open_recording(*sources, **selection)
+    for note in recording.notes:
+        say(f"mls: {note}")
+
+    from mlscli.pipeline.builder import build
+
+    with ProgressBar() as progress:
+        built = build(recording, parameters, progress)
+    write_map(target, built.surface, overwrite=overwrite)
+    for loss in recording.losses:
+        say(f"mls: warning: {loss}")
+    seconds = time.perf_counter() - begin
+    account = _account(target, built, recording.losses, seconds)
+    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+    return PARTLY_READ if recording.losses else 0
+
+
+def default_output(source: str) -> str:
+    """Return the name of the map where none is given: the source's stem and ``.npz``."""
+    path = Path(source).resolve()
+    # A folder's name has no ending to take off.
+    return f"{path.name if path.is_dir() else path.stem}.npz"
+
+
+def _account(target: str, built: Build, losses: list[str], seconds: float) -> dict[str, Any]:
+    from mlscli.summary import describe
+
+    meta = built.surface.meta
+    return {
+        "map": target,
+        **describe(built.surface),
+        "points": meta["points"],
+        "keyframes": meta["keyframes"],
+        "batches": meta["batches"],
+        "mode": meta["parameters"]["mode"],
+        "lost": losses,
+        "seconds": {"total": seconds, **built.report.seconds},
+        "points_per_second": meta["points"]["read"] / seconds,
+    }
+
+
+def _text(account: dict[str, Any]) -> str:
+    points, seconds = account["points"], dict(account["seconds"])
+    dropped = [f"{count:,} dropped ({reason})" for reason, count in points["dropped"].items()]
+    total = seconds.pop("total")
+    longest_first = sorted(seconds.items(), key=lambda item: -item[1])
+    rows = [
+        (
+            "points",
+            f"{points['read']:,} read: " + ", ".join([f"{points['kept']:,} kept", *dropped]),
+        ),
+        (
+            "keyframes",
+            f"{account['keyframes']:,} in {account['batches']:,} batches, {account['mode']}",
+        ),
+        *report.map_rows(account),
+        ("time", f"{total:.2f} s, {account['points_per_second']:,.0f} points/s"),
+        ("", ", ".join(f"{what} {spent:.3f}" for what, spent in longest_first)),
+        ("lost", "; ".join(account["lost"])),
+    ]
+    return f"{account['map']}\n{report.lines(rows)}"

@@ -1,0 +1,172 @@
+"""`mls info`: what a recording or a map holds."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mlscli.commands import report
+from mlscli.commands.options import as_json
+
+if TYPE_CHECKING:
+    from mlscli.io.base import Source
+    from mlscli.surface_map import SurfaceMap
+
+
+@click.command()
+@click.argument("paths", metavar="FILE...", nargs=-1, required=True)
+@click.option("--columns", metavar="LIST", help="Columns of a text cloud, as for mls build.")
+@as_json
+def command(paths: tuple[str, ...], columns: str | None, as_json: bool) -> None:
+    """Say what recordings or maps hold.
+
+    Of a bag: topics with types, counts and frames, the time, and which topics can be mapped; of a
+    text cloud: its keyframes, extent and levels; of a map: patches by origin, levels, extent,
+    parameters and sources.
+    """
+    from mlscli.io.mapfile import is_map, read_map
+
+    results = []
+    for path in paths:
+        if is_map(path) or (path.endswith(".npz") and Path(path).is_file()):
+            results.append(_of_map(path, read_map(path)))
+        else:
+            results.append(_of_recording(path, columns))
+    if as_json:
+        click.echo(json.dumps(results if len(results) > 1 else results[0], indent=2))
+    else:
+        click.echo("\n".join(map(_text, results)))
+
+
+def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
+    from mlscli.summary import describe
+
+    return {"file": path, "kind": "map", **describe(surface), "meta": surface.meta}
+
+
+def _of_recording(path: str, columns: str | None) -> dict[str, Any]:
+    from mlscli.io.base import open_source
+
+    source = open_source(Path(path), columns=columns)
+    begin, end = (None if math.isnan(time) else time for time in source.time_span())
+    result: dict[str, Any] = {"file": path, "kind": source.kind, "start": begin, "end": end}
+    if source.topics():
+        return result | {"topics": _topics(source)}
+    return result | _of_cloud(path, columns)
+
+
+def _topics(source: Source) -> list[dict[str, Any]]:
+    from mlscli.io.recording import why_not_mapped
+
+    rows = []
+    for topic in source.topics():
+        why_not = why_not_mapped(topic)
+        rows.append(
+            {
+                "name": topic.name,
+                "type": topic.type,
+                "messages": topic.count,
+                "frame": topic.frame,
+                "mappable": not why_not,
+                "why_not": why_not,
+            }
+        )
+    return rows
+
+
+def _of_cloud(path: str, columns: str | None) -> dict[str, Any]:
+    """Describe a cloud as recorded, its levels in cells of the size that `auto` gives."""
+    from mlscli.config import Parameters
+    from mlscli.io.recording import open_recording
+    from mlscli.pipeline.builder import build
+    from mlscli.summary import describe
+
+    recording = open_recording(path, columns=columns)
+    keyframes = list(recording.keyframes())
+    lows = [keyframe.points.min(axis=0) for keyframe in keyframes if len(keyframe.points)]
+    highs = [keyframe.points.max(axis=0) for keyframe in keyframes if len(keyframe.points)]
+    unfiltered = Parameters(pipeline=())
+    description = describe(build(recording, unfiltered).surface)
+    return {
+        "points": recording.tally.points_read,
+        "dropped": recording.tally.dropped,
+        "keyframes": len(keyframes),
+        "extent": {
+            axis: [float(min(low[i] for low in lows)), float(max(high[i] for high in highs))]
+            for i, axis in enumerate("xyz")
+        },
+        "cell_size": description["cell_size"],
+        "levels": description["levels"],
+        "notes": recording.notes,
+    }
+
+
+# --- as text ---
+
+
+def _text(result: dict[str, Any]) -> str:
+    head = f"{result['file']}: {result['kind']}"
+    if result["kind"] == "map":
+        return f"{head}\n{report.lines(_map_rows(result))}"
+    if "topics" in result:
+        rows = [("time", _time(result)), ("topics", f"{len(result['topics'])}")]
+        return "\n".join([f"{head}\n{report.lines(rows)}", *_topic_lines(result["topics"])])
+    rows = [
+        ("points", f"{result['points']:,} in {result['keyframes']:,} keyframes"),
+        ("dropped", report.counts(result["dropped"])),
+        ("time", _time(result)),
+        ("extent", report.bounds(result["extent"])),
+        ("levels", f"{report.levels(result['levels'])} (cells of {result['cell_size']:.6g})"),
+        *[("note", note) for note in result["notes"]],
+    ]
+    return f"{head}\n{report.lines(rows)}"
+
+
+def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
+    meta = result["meta"]
+    points = meta.get("points", {})
+    return [
+        *report.map_rows(result),
+        ("keyframes", f"{result['keyframes']:,} in {meta.get('batches', 0):,} batches"),
+        ("points", report.counts({n: c for n, c in points.items() if isinstance(c, int)})),
+        ("sources", ", ".join(meta.get("sources", []))),
+        ("made by", str(meta.get("program", ""))),
+        *_parameter_rows(meta.get("parameters", {})),
+    ]
+
+
+def _parameter_rows(parameters: dict[str, Any]) -> Iterable[tuple[str, str]]:
+    for name, value in parameters.items():
+        if name != "pipeline":
+            yield name, _settings(value)
+    for entry in parameters.get("pipeline", []):
+        for name, settings in entry.items():
+            yield name, _settings(settings)
+
+
+def _settings(value: Any) -> str:
+    if not isinstance(value, dict):
+        return str(value)
+    return ", ".join(f"{name}: {given}" for name, given in value.items() if given is not None)
+
+
+def _time(result: dict[str, Any]) -> str:
+    if result["start"] is None:
+        return ""
+    return f"{result['end'] - result['start']:.3f} s, from {result['start']:.6f}"
+
+
+def _topic_lines(topics: list[dict[str, Any]]) -> Iterable[str]:
+    widths = [max(len(str(topic[key])) for topic in topics) for key in ("name", "type", "messages")]
+    for topic in topics:
+        frame = f"  frame {topic['frame']!r}" if topic["frame"] else ""
+        can = "can be mapped" if topic["mappable"] else f"not mapped: {topic['why_not']}"
+        yield (
+            f"    {topic['name']:<{widths[0]}}  {topic['type']:<{widths[1]}}  "
+            f"{topic['messages']:>{widths[2]}}  {can}{frame}"
+        )

@@ -1,0 +1,88 @@
+"""Options that say how a recording is read, for every command that reads one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class Numbers(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # generic since click 8.3
+    """So many numbers, separated by commas."""
+
+    name = "numbers"
+
+    def __init__(self, names: str) -> None:
+        self._names = names
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:  # noqa: ARG002
+        """Return what the help calls the value."""
+        return self._names
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """Return the numbers, or say which are expected."""
+        if isinstance(value, tuple):
+            return value
+        texts = str(value).split(",")
+        try:
+            numbers = tuple(map(float, texts))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != self._names.count(",") + 1:
+            self.fail(f"{value!r} is not {self._names}, all numbers", param, ctx)
+        return numbers
+
+
+def reading(command: Command) -> Command:
+    """Add the options that `mlscli.open_recording` takes, under the names it takes them by."""
+    options = (
+        click.option(
+            "--topic", metavar="NAME", help="Topic of the clouds, where a bag has several."
+        ),
+        click.option(
+            "--columns",
+            metavar="LIST",
+            help="Columns of a text cloud, such as x,y,z,-,keyframe,cx,cy,cz: - skips one, "
+            "cx,cy,cz is where the craft was, t a time stamp.",
+        ),
+        click.option(
+            "--start",
+            type=float,
+            metavar="S",
+            help="Leave out keyframes before this time: seconds from the beginning, or absolute.",
+        ),
+        click.option("--end", type=float, metavar="S", help="Leave out keyframes after this time."),
+        click.option(
+            "--every", type=int, default=1, metavar="N", help="Take every Nth keyframe only."
+        ),
+        click.option(
+            "--crop",
+            type=Numbers("xmin,xmax,ymin,ymax,zmin,zmax"),
+            help="Leave out points outside these bounds of the map frame.",
+        ),
+        click.option(
+            "--up",
+            default="z",
+            metavar="AXIS",
+            help="Axis of the recording that points up: z (default), -z, y, -y, x or -x. Maps in "
+            "a camera's frame mostly have y down: -y.",
+        ),
+        click.option(
+            "--cumulative",
+            is_flag=True,
+            help="Each message repeats the whole cloud so far: take only points not seen before.",
+        ),
+        click.option(
+            "--frame",
+            metavar="FRAME",
+            help="The map frame; clouds in it are taken as they are.",
+        ),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command

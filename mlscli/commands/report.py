@@ -1,0 +1,51 @@
+"""Results as text: aligned lines of a name and what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+
+def lines(rows: Iterable[tuple[str, str]]) -> str:
+    """Return rows as lines, the second parts aligned; empty ones are left out."""
+    kept = [(name, text) for name, text in rows if text]
+    width = max((len(name) for name, _ in kept), default=0)
+    return "\n".join(f"  {name:<{width}}  {text}" for name, text in kept)
+
+
+def counts(numbers: Mapping[str, int]) -> str:
+    """Return ``12 this, 3 that``; zeros are left out."""
+    return ", ".join(f"{number:,} {name}" for name, number in numbers.items() if number)
+
+
+def bounds(extent: Mapping[str, Iterable[float]] | None) -> str:
+    """Return ``x -1.2 to 3.4, y ...``."""
+    if extent is None:
+        return "nothing"
+    texts = []
+    for axis, (low, high) in extent.items():
+        texts.append(f"{axis} {low:.6g} to {high:.6g}")
+    return ", ".join(texts)
+
+
+def levels(cells_by_level: Mapping[str, int]) -> str:
+    """Return how many cells hold one patch, two, and so on."""
+    return ", ".join(f"{cells:,} cells with {n}" for n, cells in cells_by_level.items())
+
+
+def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the rows that tell what a map holds, from `mlscli.summary.describe`."""
+    patches = dict(description["patches"])
+    total, vertical = patches.pop("total"), patches.pop("vertical")
+    by_origin = counts(patches)
+    return [
+        ("patches", f"{total:,}: {by_origin}; {vertical:,} vertical" if total else "none"),
+        ("levels", levels(description["levels"])),
+        ("extent", bounds(description["extent"])),
+        ("area", f"{description['area']:.6g} in {description['cells']:,} cells"),
+        ("cell size", f"{description['cell_size']:.6g}"),
+        ("gap size", f"{description['gap_size']:.6g}"),
+        ("thickness", f"{description['thickness']:.6g}"),
+        ("regions", f"{description['regions']:,}" if description["regions"] else ""),
+        ("frame", description["frame_id"]),
+    ]

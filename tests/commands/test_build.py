@@ -1,0 +1,159 @@
+"""`mls build`, as a user runs it.
+
+How one could cheat: bad input that fails for another reason than the one it is there for; an
+error line that is one of many; a folder that is looked at before it is written to.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlscli.io.mapfile import read_map
+from tests.bags import Sent, write_bag
+from tests.program import mls
+
+FLAT = [
+    (0.1 * x + 0.05, 0.1 * y + 0.05, 0.01 * ((x + y) % 2)) for x in range(20) for y in range(20)
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with a cloud of two keyframes in it."""
+    rows = [f"{x:.2f} {y:.2f} {z:.2f} {int(x > 1)}" for x, y, z in FLAT]
+    (tmp_path / "flight.txt").write_text("\n".join(rows) + "\n")
+    return tmp_path
+
+
+def test_a_map_is_built_beside_a_summary_that_accounts_for_every_point(folder: Path) -> None:
+    done = mls("build", "flight.txt", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    surface = read_map(folder / "flight.npz")
+    assert surface.cell_size == 0.2
+    assert int(surface.count.sum()) == 400
+    assert "400 read: 400 kept" in done.stdout
+    assert "2 in 2 batches" in done.stdout
+    # It says how it read the columns; no bar moves where nobody watches.
+    assert done.stderr.count("\n") == 1
+    assert "keyframe" in done.stderr
+    assert "\r" not in done.stderr
+
+
+def test_the_summary_as_json_has_the_numbers_of_the_map(folder: Path) -> None:
+    arguments = (
+        "--set",
+        "map.cell_size=0.1",
+        "--set",
+        "median.min_nb=6",
+        "--set",
+        "median.nb_radius=0.1",
+    )
+    done = mls("build", "flight.txt", "-o", "a.npz", "--json", *arguments, cwd=folder)
+    account = json.loads(done.stdout)
+    surface = read_map(folder / "a.npz")
+    assert account["map"] == "a.npz"
+    assert account["patches"]["total"] == surface.size
+    assert account["patches"]["measured"] == int((surface.origin == 0).sum())
+    points = account["points"]
+    assert points["read"] == 400
+    assert points["kept"] + sum(points["dropped"].values()) == 400
+    assert points["dropped"]["median"] > 0
+    assert account["lost"] == []
+
+
+def test_several_sources_are_one_flight(folder: Path) -> None:
+    (folder / "second.txt").write_text("0.05 0.05 3\n")
+    done = mls("build", "flight.txt", "second.txt", "-c", "plain", "-o", "both.npz", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    surface = read_map(folder / "both.npz")
+    assert len(surface.route) == 3
+    assert surface.last_keyframe.max() == 2
+    assert surface.meta["sources"] == ["flight.txt", "second.txt"]
+
+
+def test_selection_options_reach_the_recording(folder: Path) -> None:
+    plain = ("-c", "plain", "--set", "map.cell_size=0.1", "--overwrite", "-o", "m.npz")
+    cropped = mls("build", "flight.txt", "--crop", "0,1,0,1,-9,9", *plain, "--json", cwd=folder)
+    assert json.loads(cropped.stdout)["points"]["dropped"] == {"outside the crop": 300}
+    turned = mls("build", "flight.txt", "--up", "-z", *plain, cwd=folder)
+    assert turned.returncode == 0, turned.stderr
+    assert read_map(folder / "m.npz").height.min() == -0.01
+    mls("build", "flight.txt", "--every", "2", *plain, cwd=folder)
+    assert len(read_map(folder / "m.npz").route) == 1
+
+
+def test_a_bag_of_two_cloud_topics_wants_a_topic(folder: Path) -> None:
+    clouds = [Sent(np.array(FLAT))]
+    write_bag(folder / "two.bag", clouds, topics=("/front", "/rear"))
+    refused = mls("build", "two.bag", cwd=folder)
+    assert refused.returncode == 2
+    assert "/front" in refused.stderr
+    assert "/rear" in refused.stderr
+    assert "--topic" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+    assert not (folder / "two.npz").exists()
+    assert mls("build", "two.bag", "--topic", "/rear", cwd=folder).returncode == 0
+
+
+def test_a_bag_that_lacks_messages_is_mapped_with_status_3(folder: Path) -> None:
+    bag = write_bag(folder / "flight", [Sent(np.array(FLAT))] * 3, "ros2")
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("message_count: 3", "message_count: 5"))
+    done = mls("build", "flight", cwd=folder)
+    assert done.returncode == 3
+    assert "3 of 5" in done.stderr
+    assert read_map(folder / "flight.npz").size > 0
+
+
+BAD_INPUT = {
+    "no such file": (["nosuch.bag"], 1, "nosuch.bag: "),
+    "a folder without a bag": (["empty"], 1, "metadata.yaml"),
+    "an empty cloud": (["empty.txt"], 1, "empty.txt: "),
+    "a cloud of comments": (["comments.txt"], 1, "comments.txt: "),
+    "a broken line": (["broken.txt"], 1, "broken.txt:2: "),
+    "nothing but NaN": (["nan.txt"], 1, "nan.txt: "),
+    "an existing output": (["flight.txt", "-o", "there.npz"], 1, "there.npz: exists already"),
+    "an output in no folder": (["flight.txt", "-o", "no/m.npz"], 1, "no/m.npz: "),
+    "a typo in the YAML": (["flight.txt", "-c", "typo.yaml"], 2, "typo.yaml:2:3: "),
+    "no such configuration": (["flight.txt", "-c", "nosuch.yaml"], 1, "nosuch.yaml: "),
+    "a setting of no stage": (["flight.txt", "--set", "plastr.max_gap=1"], 2, "plaster"),
+    "an axis that is none": (["flight.txt", "--up", "w"], 2, "--up w"),
+    "a crop of five numbers": (["flight.txt", "--crop", "0,1,0,1,0"], 2, "xmin,xmax"),
+    "columns without z": (["flight.txt", "--columns", "x,y,-,keyframe"], 2, "--columns"),
+    "an unknown option": (["flight.txt", "--cellsize", "1"], 2, "--cellsize"),
+    "no source": ([], 2, "SOURCE"),
+    "a limit below another": (
+        ["flight.txt", "--set", "plaster.max_gap=9", "--set", "plaster.max_gap_enhanced=1"],
+        2,
+        "max_gap_enhanced",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_INPUT)
+def test_bad_input_is_one_line_and_leaves_no_file(folder: Path, case: str) -> None:
+    arguments, status, said = BAD_INPUT[case]
+    (folder / "empty").mkdir()
+    (folder / "empty.txt").write_text("")
+    (folder / "comments.txt").write_text("# nothing\n# at all\n")
+    (folder / "broken.txt").write_text("1 2 3\n1 2 three\n")
+    (folder / "nan.txt").write_text("nan 2 3\n")
+    (folder / "there.npz").write_text("precious")
+    (folder / "typo.yaml").write_text("map:\n  cel_size: 0.1\n")
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    done = mls("build", *arguments, cwd=folder)
+    assert done.returncode == status, done.stderr
+    assert done.stdout == ""
+    assert done.stderr.startswith("mls")
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert said in done.stderr
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+def test_an_output_is_replaced_when_asked(folder: Path) -> None:
+    for options, status in (([], 0), ([], 1), (["--overwrite"], 0)):
+        assert mls("build", "flight.txt", *options, cwd=folder).returncode == status

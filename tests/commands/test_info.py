@@ -1,0 +1,92 @@
+"""`mls info`, as a user runs it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from mlscli.io.mapfile import write_map
+from tests.bags import Sent, write_bag
+from tests.maps import Patch, map_of
+from tests.program import mls
+
+BRIDGE = [Patch(x, 0, 0.0, 0.0, 0, 4) for x in range(4)] + [
+    Patch(1, 0, 3.0, 0.5, 0, 4),
+    Patch(2, 0, 3.0, 0.0, 2, 0),
+]
+
+
+def test_of_a_map_it_tells_patches_levels_and_what_made_it(tmp_path: Path) -> None:
+    surface = map_of(BRIDGE)
+    surface.meta.update({"sources": ["flight.bag"], "parameters": {"mode": "consistent"}})
+    write_map(tmp_path / "bridge.npz", surface)
+    text = mls("info", "bridge.npz", cwd=tmp_path)
+    assert text.returncode == 0, text.stderr
+    assert "6: 5 measured, 1 artificial; 1 vertical" in text.stdout
+    assert "flight.bag" in text.stdout
+    told = json.loads(mls("info", "bridge.npz", "--json", cwd=tmp_path).stdout)
+    assert told["patches"] == {
+        "total": 6, "measured": 5, "plastered": 0, "artificial": 1, "vertical": 1,
+    }  # fmt: skip
+    assert told["levels"] == {"1": 2, "2": 2}
+    assert told["extent"] == {"x": [0.0, 2.0], "y": [0.0, 0.5], "z": [0.0, 3.0]}
+    assert told["meta"]["sources"] == ["flight.bag"]
+
+
+def test_of_a_bag_it_tells_topics_frames_and_time(tmp_path: Path) -> None:
+    clouds = [Sent(np.zeros((2, 3)), nanoseconds=10**9 * k, frame_id="odom") for k in range(3)]
+    write_bag(tmp_path / "flight.bag", clouds, topics=("/a", "/b"))
+    done = mls("info", "flight.bag", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["kind"] == "ROS 1 bag"
+    assert [topic["name"] for topic in told["topics"]] == ["/a", "/b"]
+    for topic in told["topics"]:
+        assert topic["type"] == "sensor_msgs/msg/PointCloud2"
+        assert topic["messages"] == 3
+        assert topic["frame"] == "odom"
+        assert topic["mappable"]
+    assert "can be mapped" in mls("info", "flight.bag", cwd=tmp_path).stdout
+
+
+def test_of_a_topic_that_cannot_be_mapped_it_says_why(tmp_path: Path) -> None:
+    write_bag(tmp_path / "lidar.bag", [Sent(np.zeros((2, 3)), frame_id="os_sensor")])
+    topic = json.loads(mls("info", "lidar.bag", "--json", cwd=tmp_path).stdout)["topics"][0]
+    assert not topic["mappable"]
+    assert "os_sensor" in topic["why_not"]
+
+
+def test_of_a_text_cloud_it_tells_extent_and_levels(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    floor = np.c_[rng.uniform(0, 4, (2000, 2)), rng.normal(0, 0.01, 2000)]
+    storey = floor[floor[:, 0] < 2] + (0, 0, 3)
+    np.savetxt(tmp_path / "house.xyz", np.concatenate((floor, storey)))
+    told = json.loads(mls("info", "house.xyz", "--json", cwd=tmp_path).stdout)
+    assert told["points"] == 2000 + len(storey)
+    assert told["keyframes"] == 1
+    np.testing.assert_allclose(told["extent"]["x"], [0, 4], atol=0.05)
+    two, one = told["levels"]["2"], told["levels"]["1"]
+    assert 0.4 < two / (one + two) < 0.6
+    assert "extent" in mls("info", "house.xyz", cwd=tmp_path).stdout
+
+
+def test_what_is_neither_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04 and no more")
+    (tmp_path / "noise").write_bytes(bytes(range(256)))
+    for name in ("broken.npz", "noise", "nosuch"):
+        done = mls("info", name, cwd=tmp_path)
+        assert done.returncode == 1
+        assert name in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+def test_of_the_real_bags_it_names_every_topic(shared_data: Path) -> None:
+    told = json.loads(mls("info", shared_data / "bags/ros1_luminar_pc2_lz4.bag", "--json").stdout)
+    clouds = [topic for topic in told["topics"] if topic["type"].endswith("PointCloud2")]
+    assert clouds
+    assert all("frame" in topic["why_not"] for topic in clouds)
+    told = json.loads(mls("info", shared_data / "bags/ros2_jackal_scan_pose", "--json").stdout)
+    scans = {topic["type"]: topic["messages"] for topic in told["topics"]}
+    assert scans["sensor_msgs/msg/LaserScan"] == 189
