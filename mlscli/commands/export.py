@@ -1,0 +1,118 @@
+"""``mls export``: write a map as a mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from mlscli.commands.options import as_json, overwrite
+from mlscli.errors import UsageError
+
+FORMATS = ("ply", "obj")
+
+
+@click.command()
+@click.argument("source", required=False, metavar="[MAP]")
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(FORMATS),
+    help="Default: what -o ends in, or else ply.",
+)
+@click.option(
+    "--style",
+    type=click.Choice(("surface", "patches")),
+    default="surface",
+    show_default=True,
+    help="Surfaces and walls, or each patch as a point with a line for its depth.",
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    help="Default: the map's name with the format's ending, in the current folder.",
+)
+@click.option(
+    "--max-slope",
+    type=float,
+    metavar="CELLS",
+    help="Join neighbouring patches up to this height difference, in cells.  [default: 1.5]",
+)
+@click.option("--no-artificial", is_flag=True, help="Leave out artificial (red) patches.")
+@overwrite
+@as_json
+def command(
+    source: str | None,
+    kind: Literal["ply", "obj"] | None,
+    style: Literal["surface", "patches"],
+    output: str | None,
+    max_slope: float | None,
+    no_artificial: bool,
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Write a map as a mesh, for MeshLab, CloudCompare, Blender and the like.
+
+    Without MAP the one map (.npz) in the current folder is taken. OBJ comes with a file of
+    materials (.mtl) beside it.
+    """
+    map_file = Path(source) if source is not None else _the_one_map()
+    kind = kind or _format_of(output)
+    target = Path(output) if output is not None else Path(f"{map_file.stem}.{kind}")
+
+    from mlscli.io.atomic import refuse_existing
+
+    refuse_existing(target, overwrite=overwrite)
+
+    from mlscli.io.mapfile import read_map
+    from mlscli.io.obj import write_obj
+    from mlscli.io.ply import write_ply
+    from mlscli.mesh import MAX_SLOPE, build_mesh
+
+    mesh = build_mesh(
+        read_map(map_file),
+        style,
+        max_slope=MAX_SLOPE if max_slope is None else max_slope,
+        artificial=not no_artificial,
+    )
+    write = {"ply": write_ply, "obj": write_obj}[kind]
+    write(target, mesh, overwrite=overwrite)
+    counts = {
+        "vertices": len(mesh.vertices),
+        "triangles": len(mesh.triangles),
+        "lines": len(mesh.lines),
+    }
+    if as_json:
+        import json
+
+        click.echo(json.dumps({"file": str(target), "format": kind, **counts}))
+    else:
+        held = ", ".join(f"{count} {name}" for name, count in counts.items())
+        click.echo(f"{target}: {held}")
+
+
+def _the_one_map() -> Path:
+    """Return the only map in the current folder."""
+    from mlscli.io.mapfile import is_map
+
+    maps = sorted(file for file in Path().glob("*.npz") if is_map(file))
+    if not maps:
+        raise UsageError("MAP: no map (.npz) in the current folder; name one")
+    if len(maps) > 1:
+        names = ", ".join(map(str, maps))
+        raise UsageError(f"MAP: {len(maps)} maps in the current folder; name one of {names}")
+    return maps[0]
+
+
+def _format_of(output: str | None) -> Literal["ply", "obj"]:
+    """Return the format that an output's ending asks for."""
+    if output is None:
+        return "ply"
+    ending = Path(output).suffix.lower()
+    if ending == ".ply":
+        return "ply"
+    if ending == ".obj":
+        return "obj"
+    raise UsageError(f"{output}: does not end in .ply or .obj; say which with --format")

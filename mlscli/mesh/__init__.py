@@ -1,0 +1,248 @@
+"""A mesh of a map: surfaces and walls, or patches as points and lines (thesis, chapter 2).
+
+How patches become triangles is told in the modules `triangulation` and `walls` beside this. The
+thesis lost every patch with fewer than two neighbours; here nothing in the map is invisible. A
+horizontal patch that no triangle holds is drawn as a square half a cell wide. A vertical patch
+that no wall shows is drawn as two upright quads that cross, with such a square on top where no
+surface meets it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+
+from mlscli.errors import InputError, UsageError
+from mlscli.mesh.colours import ROUTE_GREEN, height_range, patch_colours
+from mlscli.mesh.ground import route_on_ground
+from mlscli.mesh.triangulation import (
+    NONE,
+    Nodes,
+    links,
+    nodes_of,
+    surface_triangles,
+)
+from mlscli.mesh.walls import wall_triangles
+from mlscli.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
+from mlscli.typing import Float64, Int32, Int64, UInt8
+
+Style: TypeAlias = Literal["surface", "patches"]
+STYLES: tuple[Style, ...] = get_args(Style)
+
+# What a vertex can be of: a patch, by its origin, or the route.
+ROUTE = len(ORIGINS)
+GROUPS = (*ORIGINS, "route")
+
+# Half the usual gap of three cells: what is farther apart may be nearer to another level.
+MAX_SLOPE = 1.5
+
+MAX_VERTICES = 2**31 - 1
+
+# The route runs this many cells above the ground, so as not to be hidden in it.
+ROUTE_LIFT = 0.05
+
+# The quads of patches drawn alone: offsets of the corners from the cell's centre, in cells.
+_SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 4
+_ALONG_X = np.array([(-1, 0), (1, 0), (1, 0), (-1, 0)]) / 4
+_ALONG_Y = np.array([(0, -1), (0, 1), (0, 1), (0, -1)]) / 4
+_TWO_TRIANGLES = np.array([(0, 1, 2), (0, 2, 3)])
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles, lines and points over shared vertices.
+
+    Attributes
+    ----------
+    vertices : float64 (V, 3)
+        Coordinates in the map frame, in the unit of the recording.
+    colours : uint8 (V, 3)
+        Red, green, blue.
+    origin : uint8 (V,)
+        Index into `GROUPS`: the origin of the vertex's patch, or `ROUTE`.
+    triangles : int32 (T, 3)
+        Indices of vertices; surfaces run counter-clockwise seen from above.
+    lines : int32 (L, 2)
+        Indices of vertices.
+    points : int32 (N,)
+        Indices of vertices that are shown for themselves.
+    """
+
+    vertices: Float64
+    colours: UInt8
+    origin: UInt8
+    triangles: Int32
+    lines: Int32
+    points: Int32
+
+    def group(self, elements: Int32) -> UInt8:
+        """Return the group of each element, uint8 (E,): the greatest of its vertices.
+
+        A triangle with an artificial corner is artificial: it spans a region of uncertainty.
+
+        Parameters
+        ----------
+        elements : int32 (E, K)
+            Indices of vertices.
+        """
+        group: UInt8 = self.origin[elements].max(axis=1)
+        return group
+
+
+def build_mesh(
+    surface: SurfaceMap,
+    style: Style = "surface",
+    *,
+    max_slope: float = MAX_SLOPE,
+    artificial: bool = True,
+) -> Mesh:
+    """Make a mesh of a map.
+
+    Parameters
+    ----------
+    surface
+        The map.
+    style
+        ``surface``: surfaces and walls; ``patches``: each patch as a point at its height and
+        each depth as a line beneath it (thesis, figure 2.3). In both the route is a line on the
+        ground.
+    max_slope
+        Patches of neighbouring cells belong together up to this difference in height, in cells.
+    artificial
+        Whether artificial patches are in it.
+
+    Raises
+    ------
+    UsageError
+        Where the style is unknown, or the slope is not a finite number of 0 or more.
+    InputError
+        Where the mesh has too many vertices, or they lie beyond float64.
+    """
+    if style not in STYLES:
+        raise UsageError(f"style: is {style!r}; it must be one of {', '.join(STYLES)}")
+    if not math.isfinite(max_slope) or max_slope < 0:
+        raise UsageError(f"max_slope: is {max_slope!r}; it must be a finite number, 0 or more")
+    heights = height_range(surface)
+    if not artificial:
+        surface = surface.take(surface.origin != ARTIFICIAL)
+    nodes = nodes_of(surface)
+    if style == "surface":
+        return _assemble(surface, heights, _drawn(surface, nodes, max_slope * surface.cell_size))
+    depths = np.column_stack((nodes.top, nodes.foot))[nodes.foot != NONE]
+    return _assemble(surface, heights, [_nodes(nodes)], depths, nodes.top)
+
+
+class _Piece(NamedTuple):
+    """Vertices, each in or about the cell of its patch, and triangles over them.
+
+    Attributes
+    ----------
+    patch : int64 (V,)
+    height : float64 (V,)
+    offset : float64 (V, 2)
+        Cells from the centre of the patch's cell.
+    triangles : int64 (T, 3)
+    """
+
+    patch: Int64
+    height: Float64
+    offset: Float64
+    triangles: Int64
+
+
+def _drawn(surface: SurfaceMap, nodes: Nodes, reach: float) -> list[_Piece]:
+    """Return the surfaces and walls of a map, and each patch that these do not show by itself."""
+    flat = surface_triangles(links(surface, nodes, reach), nodes.height, nodes.is_foot)
+    walls, walled = wall_triangles(surface, nodes, reach)
+    top = nodes.height[nodes.top]
+    is_upright = nodes.foot != NONE
+    on_surface = np.zeros(len(nodes.patch), dtype=np.bool_)
+    on_surface[flat] = True
+    open_top = ~on_surface[nodes.top]
+    alone = np.flatnonzero(is_upright & ~walled)
+    low, high = nodes.height[nodes.foot[alone]], top[alone]
+    upright = np.column_stack((low, low, high, high))
+    level = np.flatnonzero(open_top & ~walled)
+    return [
+        _nodes(nodes, np.concatenate((flat, walls))),
+        _quads(level, np.repeat(top[level, None], 4, axis=1), _SQUARE),
+        _quads(alone, upright, _ALONG_X),
+        _quads(alone, upright, _ALONG_Y),
+    ]
+
+
+def _nodes(nodes: Nodes, triangles: Int64 | None = None) -> _Piece:
+    """Return the nodes that triangles use, with these; without triangles all nodes."""
+    if triangles is None:
+        used = np.ones(len(nodes.patch), dtype=np.bool_)
+        triangles = np.empty((0, 3), dtype=np.int64)
+    else:
+        used = np.zeros(len(nodes.patch), dtype=np.bool_)
+        used[triangles] = True
+    number = np.cumsum(used) - 1
+    offset = np.zeros((np.count_nonzero(used), 2))
+    return _Piece(nodes.patch[used], nodes.height[used], offset, number[triangles])
+
+
+def _quads(patch: Int64, height: Float64, offset: Float64) -> _Piece:
+    """Return a quad of its own for each patch: heights (Q, 4) of its corners, offsets (4, 2)."""
+    first = 4 * np.arange(len(patch))[:, None, None]
+    return _Piece(
+        np.repeat(patch, 4),
+        height.ravel(),
+        np.tile(offset, (len(patch), 1)),
+        (first + _TWO_TRIANGLES).reshape(-1, 3),
+    )
+
+
+def _assemble(
+    surface: SurfaceMap,
+    heights: tuple[float, float],
+    pieces: Sequence[_Piece],
+    depths: Int64 | None = None,
+    points: Int64 | None = None,
+) -> Mesh:
+    """Return the mesh of all pieces and the route; depths and points index the first piece."""
+    route = route_on_ground(surface)
+    sizes = [len(piece.patch) for piece in pieces]
+    if sum(sizes) + len(route) > MAX_VERTICES:
+        raise InputError(
+            f"the mesh would have {sum(sizes) + len(route)} vertices; "
+            f"at most {MAX_VERTICES} can be numbered: crop the map"
+        )
+    first = np.cumsum([0, *sizes])
+    patch = np.concatenate([piece.patch for piece in pieces])
+    height = np.concatenate([piece.height for piece in pieces])
+    offset = np.concatenate([piece.offset for piece in pieces])
+    triangles = [piece.triangles + n for piece, n in zip(pieces, first[:-1], strict=True)]
+    lift = np.array((0, 0, ROUTE_LIFT * surface.cell_size))
+    with np.errstate(over="ignore", invalid="ignore"):
+        centre = np.column_stack((surface.ix, surface.iy))[patch] + 0.5
+        drawn = np.column_stack(((centre + offset) * surface.cell_size, height))
+        vertices = np.concatenate((drawn, route + lift)) + 0.0
+    if not np.isfinite(vertices).all():
+        raise InputError(
+            "the mesh reaches beyond float64: the map's heights or cells are too large"
+        )
+    origin = surface.origin[patch]
+    legs = np.arange(first[-1], len(vertices) - 1) if len(route) else np.empty(0, dtype=np.int64)
+    lines = np.column_stack((legs, legs + 1))
+    if depths is not None:
+        lines = np.concatenate((depths, lines))
+    return Mesh(
+        vertices=vertices,
+        colours=np.concatenate(
+            (
+                patch_colours(height, origin, *heights),
+                np.tile(np.array(ROUTE_GREEN, dtype=np.uint8), (len(route), 1)),
+            )
+        ),
+        origin=np.concatenate((origin, np.full(len(route), ROUTE, dtype=np.uint8))),
+        triangles=np.concatenate(triangles).astype(np.int32),
+        lines=lines.astype(np.int32),
+        points=(np.empty(0) if points is None else points).astype(np.int32),
+    )

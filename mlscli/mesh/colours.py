@@ -1,0 +1,127 @@
+"""Colours of a mesh: heights from blue to brown, plastered lighter, artificial red.
+
+The height scale runs blue, green, yellow, orange, brown at equal steps of perceived difference:
+its anchors are joined by straight lines in the Oklab space, and its entries lie evenly along
+them. Red is kept for what is artificial, and a strong green for the route.
+
+References
+----------
+B. Ottosson, *A perceptual color space for image processing*, 2020 (Oklab).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from mlscli.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
+from mlscli.typing import Float64, UInt8
+
+ARTIFICIAL_RED = (224, 16, 32)
+ROUTE_GREEN = (0, 200, 60)
+WHITE = (255, 255, 255)
+
+ANCHORS = (
+    (34, 62, 158),
+    (36, 124, 168),
+    (96, 172, 128),
+    (236, 214, 96),
+    (232, 154, 62),
+    (150, 90, 36),
+)
+STEPS = 256
+
+# Heights beyond these percentiles take the end colours, so that a few outliers do not use up
+# the scale.
+PERCENTILES = (2.0, 98.0)
+
+_LMS_FROM_RGB = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_LAB_FROM_LMS = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+
+
+def oklab(rgb: UInt8) -> Float64:
+    """Return sRGB colours, uint8 (N, 3), in Oklab, float64 (N, 3): lightness 0 to 1, a, b."""
+    encoded = rgb / 255
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    lab: Float64 = np.cbrt(linear @ _LMS_FROM_RGB.T) @ _LAB_FROM_LMS.T
+    return lab
+
+
+def from_oklab(lab: Float64) -> UInt8:
+    """Return Oklab colours, float64 (N, 3), in sRGB, uint8 (N, 3), clipped to what that holds."""
+    linear = (lab @ np.linalg.inv(_LAB_FROM_LMS).T) ** 3 @ np.linalg.inv(_LMS_FROM_RGB).T
+    linear = np.clip(linear, 0, 1)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    rgb: UInt8 = np.rint(np.clip(encoded, 0, 1) * 255).astype(np.uint8)
+    return rgb
+
+
+@cache
+def height_scale() -> UInt8:
+    """Return the colours of the heights, low to high, uint8 (STEPS, 3)."""
+    anchors = oklab(np.array(ANCHORS, dtype=np.uint8))
+    lengths = np.linalg.norm(np.diff(anchors, axis=0), axis=1)
+    along = np.append(0, np.cumsum(lengths))
+    steps = np.linspace(0, along[-1], STEPS)
+    lab = np.stack([np.interp(steps, along, channel) for channel in anchors.T], axis=1)
+    scale = from_oklab(lab)
+    scale.flags.writeable = False
+    return scale
+
+
+def height_range(surface: SurfaceMap) -> tuple[float, float]:
+    """Return the heights that take the lowest and the highest colour.
+
+    They are percentiles of the measured heights, or of all where none is measured; (0, 0) for a
+    map without patches.
+    """
+    height = surface.height[surface.origin == MEASURED]
+    if len(height) == 0:
+        height = surface.height
+    if len(height) == 0:
+        return 0.0, 0.0
+    low, high = np.percentile(height, PERCENTILES)
+    return float(low), float(high)
+
+
+def height_colours(height: Float64, low: float, high: float) -> UInt8:
+    """Return the colours of heights, uint8 (N, 3); heights outside low to high take the ends.
+
+    Where `low` and `high` are one, so that there is no scale, heights there take its middle.
+    """
+    position = (height - low) / (high - low) if high > low else (np.sign(height - low) + 1) / 2
+    step = np.rint(np.clip(position, 0, 1) * (STEPS - 1)).astype(np.int64)
+    colours: UInt8 = height_scale()[step]
+    return colours
+
+
+def patch_colours(height: Float64, origin: UInt8, low: float, high: float) -> UInt8:
+    """Return what patches look like, uint8 (N, 3): by height, by half lighter, or red.
+
+    Parameters
+    ----------
+    height : float64 (N,)
+        Heights of what is coloured.
+    origin : uint8 (N,)
+        Origins of the patches that it belongs to.
+    low, high : float
+        The heights of the lowest and the highest colour.
+    """
+    colours = height_colours(height, low, high)
+    plastered = origin == PLASTERED
+    colours[plastered] = (colours[plastered].astype(np.uint16) + WHITE) // 2
+    colours[origin == ARTIFICIAL] = ARTIFICIAL_RED
+    return colours

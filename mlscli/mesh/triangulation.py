@@ -1,0 +1,217 @@
+"""Which patches of neighbouring cells make one surface, and its triangles.
+
+A horizontal patch is one *node*, at the centre of its cell and at its height; a vertical patch is
+two, its top and its foot. Two nodes in cells that share an edge are *linked* where each is the
+other's nearest in height (equal: the higher) and they are at most `reach` apart in height. So a
+node has at most one link to each side, and the links between two cells never cross.
+
+In a block of 2 x 2 cells the links form rings and open chains. A ring of four nodes makes two
+triangles, cut along the diagonal that is less steep. An open chain makes a triangle of its first
+three nodes and, where it winds on as on a spiral ramp, another of each next two: these share a
+corner and cover the other half of the block. (Of a chain with an even number of nodes one end is
+left out: that of the steeper triangle, or else the lower.) All corners of a triangle are thus
+linked in a row. A ring or chain of the feet of walls alone is not drawn: the inside of a wall has
+no floor.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mlscli.pipeline.neighbours import shifted
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import Bool, Float64, Int64
+
+NONE = -1
+EAST, NORTH, WEST, SOUTH = range(4)
+STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+
+class Nodes(NamedTuple):
+    """The tops and feet of all patches, sorted by cell and height.
+
+    Attributes
+    ----------
+    patch : int64 (N,)
+        The patch that a node belongs to.
+    height : float64 (N,)
+    is_foot : bool (N,)
+        Whether the node is the foot of a vertical patch.
+    start : int64 (C + 1,)
+        The nodes of cell c are ``start[c]`` to ``start[c + 1]``.
+    top : int64 (P,)
+        The node at each patch's height.
+    foot : int64 (P,)
+        The node at each patch's lower end; -1 where it is horizontal.
+    """
+
+    patch: Int64
+    height: Float64
+    is_foot: Bool
+    start: Int64
+    top: Int64
+    foot: Int64
+
+
+def nodes_of(surface: SurfaceMap) -> Nodes:
+    """Return the nodes of a map's patches.
+
+    A depth too small to show in float64 at the patch's height makes no foot.
+    """
+    upright = np.flatnonzero(surface.low_end < surface.height)
+    patch = np.concatenate((np.arange(surface.size), upright))
+    height = np.concatenate((surface.height, surface.low_end[upright])) + 0.0
+    is_foot = np.arange(len(patch)) >= surface.size
+    start = surface.cells.start
+    cell = np.repeat(np.arange(len(start) - 1), np.diff(start))[patch]
+    order = np.lexsort((height, cell))
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    foot = np.full(surface.size, NONE)
+    foot[upright] = number[surface.size :]
+    return Nodes(
+        patch[order],
+        height[order],
+        is_foot[order],
+        np.searchsorted(cell[order], np.arange(len(start))),
+        number[: surface.size],
+        foot,
+    )
+
+
+def links(surface: SurfaceMap, nodes: Nodes, reach: float) -> Int64:
+    """Return for each node the one it is linked with to the east, north, west and south.
+
+    Returns
+    -------
+    int64 (N, 4)
+        Node numbers; -1: none.
+    """
+    ix, iy, _ = surface.cells
+    nearest = np.stack(
+        [_nearest(nodes.start, nodes.height, shifted(ix, iy, *step)) for step in STEPS], axis=1
+    )
+    return _mutual(nearest, nodes.height, reach)
+
+
+@njit(cache=True, nogil=True)
+def _nearest(start: Int64, height: Float64, neighbour: Int64) -> Int64:
+    """Return for each node the one of the neighbouring cell nearest in height; -1: none."""
+    nearest = np.full(len(height), NONE, dtype=np.int64)
+    for cell in range(len(neighbour)):
+        there = neighbour[cell]
+        if there < 0:
+            continue
+        # Heights ascend in both cells, so that the nearest node only ever moves up.
+        best = start[there]
+        for node in range(start[cell], start[cell + 1]):
+            z = height[node]
+            while best + 1 < start[there + 1] and abs(height[best + 1] - z) <= abs(
+                height[best] - z
+            ):
+                best += 1
+            nearest[node] = best
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def _mutual(nearest: Int64, height: Float64, reach: float) -> Int64:
+    """Return the links among nearest nodes: each other's nearest, at most `reach` apart."""
+    link = np.full(nearest.shape, NONE, dtype=np.int64)
+    for node in range(len(height)):
+        for side in range(4):
+            other = nearest[node, side]
+            if (
+                other >= 0
+                and nearest[other, (side + 2) % 4] == node
+                and abs(height[node] - height[other]) <= reach
+            ):
+                link[node, side] = other
+    return link
+
+
+@njit(cache=True, nogil=True)
+def surface_triangles(link: Int64, height: Float64, is_foot: Bool) -> Int64:
+    """Return the triangles of the surfaces, counter-clockwise seen from above.
+
+    Parameters
+    ----------
+    link : int64 (N, 4)
+        As `links` returns it.
+    height : float64 (N,)
+    is_foot : bool (N,)
+
+    Returns
+    -------
+    int64 (T, 3)
+        Node numbers.
+    """
+    # A node stands in four blocks, and a ring or chain has less than one triangle for every two.
+    triangles = np.empty((2 * len(link), 3), dtype=np.int64)
+    found = 0
+    for node in range(len(link)):
+        # At the block's corner k, counter-clockwise from the south-west, side k leads on round
+        # the block and side k + 1 back.
+        for corner in range(4):
+            if link[node, (corner + 1) % 4] < 0:
+                found = _add_chain(triangles, found, node, corner, link, height, is_foot)
+        found = _add_ring(triangles, found, node, link, height, is_foot)
+    return triangles[:found].copy()
+
+
+@njit(cache=True, nogil=True)
+def _add_ring(
+    triangles: Int64, found: int, a: int, link: Int64, height: Float64, is_foot: Bool
+) -> int:
+    """Add the ring of four whose south-western node is `a`, if there is one."""
+    b = link[a, EAST]
+    c = link[b, NORTH] if b >= 0 else NONE
+    d = link[c, WEST] if c >= 0 else NONE
+    if d < 0 or link[d, SOUTH] != a or (is_foot[a] and is_foot[b] and is_foot[c] and is_foot[d]):
+        return found
+    if abs(height[a] - height[c]) <= abs(height[b] - height[d]):
+        triangles[found] = (a, b, c)
+        triangles[found + 1] = (a, c, d)
+    else:
+        triangles[found] = (b, c, d)
+        triangles[found + 1] = (b, d, a)
+    return found + 2
+
+
+@njit(cache=True, nogil=True)
+def _add_chain(
+    triangles: Int64,
+    found: int,
+    first: int,
+    corner: int,
+    link: Int64,
+    height: Float64,
+    is_foot: Bool,
+) -> int:
+    """Add the open chain that begins at a node in the given corner of a block."""
+    size, last, solid = 1, first, not is_foot[first]
+    while link[last, (corner + size - 1) % 4] >= 0:
+        last = link[last, (corner + size - 1) % 4]
+        solid = solid or not is_foot[last]
+        size += 1
+    if size < 3 or not solid:
+        return found
+    a, side = first, corner
+    b = link[a, side]
+    c = link[b, (side + 1) % 4]
+    if size % 2 == 0:
+        before_last = link[last, (corner + size) % 4]
+        third_last = link[before_last, (corner + size - 1) % 4]
+        tilt, tilt_last = abs(height[a] - height[c]), abs(height[last] - height[third_last])
+        if tilt_last < tilt or (tilt_last == tilt and height[last] > height[a]):
+            a, side = b, side + 1
+    for _ in range((size - 1) // 2):
+        b = link[a, side % 4]
+        c = link[b, (side + 1) % 4]
+        triangles[found] = (a, b, c)
+        found += 1
+        a, side = c, side + 2
+    return found

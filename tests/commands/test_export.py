@@ -1,0 +1,135 @@
+"""``mls export``: which map is taken, what is written where, and what is said.
+
+Ways to pass without being right: to look at the exit status alone, so the files are read.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner, Result
+
+from mlscli.commands.export import command
+from mlscli.errors import InputError, OutputError, UsageError
+from mlscli.io.mapfile import write_map
+from mlscli.mesh import build_mesh
+from mlscli.surface_map import ARTIFICIAL
+from tests.meshes import house
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the current folder, which holds one map and another .npz file."""
+    monkeypatch.chdir(tmp_path)
+    write_map("house.npz", house())
+    np.savez("other.npz", format=np.array("something else"))
+    Path("broken.npz").write_bytes(b"PK no archive")
+    return tmp_path
+
+
+def export(*arguments: str) -> Result:
+    return CliRunner().invoke(command, arguments)
+
+
+def complaint(*arguments: str) -> BaseException:
+    result = export(*arguments)
+    assert result.exit_code != 0
+    assert result.exception is not None
+    assert result.output == ""
+    return result.exception
+
+
+def test_the_one_map_in_the_folder_becomes_a_ply(folder: Path) -> None:
+    result = export()
+    mesh = build_mesh(house())
+    counts = f"{len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles, 6 lines"
+    assert result.stdout == f"house.ply: {counts}\n"
+    found = trimesh.load_mesh(folder / "house.ply", process=False)
+    assert found.vertices.tobytes() == mesh.vertices.tobytes()
+
+
+def test_of_several_maps_one_must_be_named(folder: Path) -> None:
+    write_map("barn.npz", house())
+    error = complaint()
+    assert isinstance(error, UsageError)
+    assert str(error).endswith("name one of barn.npz, house.npz")
+    assert export("barn.npz").exit_code == 0
+    assert (folder / "barn.ply").exists()
+
+
+def test_without_any_map_it_says_so(folder: Path) -> None:
+    (folder / "house.npz").unlink()
+    error = complaint()
+    assert isinstance(error, UsageError)
+    assert "no map (.npz) in the current folder" in str(error)
+
+
+def test_a_file_that_is_no_map_is_named(folder: Path) -> None:
+    error = complaint("broken.npz")
+    assert isinstance(error, InputError)
+    assert "broken.npz" in str(error)
+    assert not (folder / "broken.ply").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "files"),
+    [
+        (["--format", "obj"], {"house.obj", "house.mtl"}),
+        (["-o", "a.OBJ"], {"a.OBJ", "a.mtl"}),
+        (["-o", "a.ply"], {"a.ply"}),
+        (["-o", "a.mesh", "--format", "ply"], {"a.mesh"}),
+    ],
+)
+def test_the_format_is_the_one_named_or_the_output_s_ending(
+    options: list[str], files: set[str], folder: Path
+) -> None:
+    before = set(folder.iterdir())
+    assert export(*options).exit_code == 0
+    assert {file.name for file in set(folder.iterdir()) - before} == files
+    written = (folder / options[1]) if options[0] == "-o" else folder / "house.obj"
+    begins_as_ply = written.read_bytes().startswith(b"ply\n")
+    assert begins_as_ply == ("obj" not in str(files).lower())
+
+
+def test_an_ending_that_says_nothing_is_refused(folder: Path) -> None:
+    error = complaint("-o", "a.stl")
+    assert isinstance(error, UsageError)
+    assert "a.stl: does not end in .ply or .obj" in str(error)
+    assert not (folder / "a.stl").exists()
+
+
+@pytest.mark.usefixtures("folder")
+def test_options_reach_the_mesh() -> None:
+    surface = house()
+    for options, mesh in (
+        (["--style", "patches"], build_mesh(surface, "patches")),
+        (["--max-slope", "0"], build_mesh(surface, max_slope=0)),
+        (["--max-slope", "9"], build_mesh(surface, max_slope=9)),
+        (["--no-artificial"], build_mesh(surface.take(surface.origin != ARTIFICIAL))),
+    ):
+        result = export("--json", "--overwrite", *options)
+        assert json.loads(result.stdout) == {
+            "file": "house.ply",
+            "format": "ply",
+            "vertices": len(mesh.vertices),
+            "triangles": len(mesh.triangles),
+            "lines": len(mesh.lines),
+        }
+
+
+def test_an_existing_output_is_refused_before_the_map_is_read(folder: Path) -> None:
+    (folder / "broken.ply").write_bytes(b"mine")
+    error = complaint("broken.npz")
+    assert isinstance(error, OutputError)
+    assert "broken.ply: exists already" in str(error)
+    assert (folder / "broken.ply").read_bytes() == b"mine"
+
+
+def test_overwrite_replaces_what_exists(folder: Path) -> None:
+    (folder / "house.ply").write_bytes(b"mine")
+    assert export("--overwrite").exit_code == 0
+    assert (folder / "house.ply").read_bytes().startswith(b"ply\n")

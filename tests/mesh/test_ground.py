@@ -1,0 +1,56 @@
+"""The route on the ground.
+
+Ways to pass without being right: routes that fly over one level only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlscli.mesh.ground import SEARCH_CELLS, route_on_ground
+from mlscli.surface_map import SurfaceMap
+from tests.meshes import a_map, plane
+
+LEVELS = a_map(*plane(4, 4), *plane(4, 4, height=3.0), *plane(4, 4, height=6.0), cell_size=0.5)
+
+
+def landed(surface: SurfaceMap, *positions: tuple[float, float, float]) -> list[list[float]]:
+    route = np.array([(t, *position) for t, position in enumerate(positions)]).reshape(-1, 4)
+    found: list[list[float]] = route_on_ground(replace(surface, route=route)).tolist()
+    return found
+
+
+@pytest.mark.parametrize(("z", "ground"), [(2.9, 0.0), (3.0, 3.0), (5.9, 3.0), (99.0, 6.0)])
+def test_a_craft_is_above_the_highest_patch_at_or_below_it(z: float, ground: float) -> None:
+    assert landed(LEVELS, (0.3, 1.1, z)) == [[0.3, 1.1, ground]]
+
+
+def test_where_nothing_is_beneath_the_ground_is_sought_around() -> None:
+    surface = a_map((0, 0, 1, 0), (2, 0, 5, 0))
+    assert landed(surface, (1.5, 0.5, 4.0)) == [[1.5, 0.5, 1.0]]
+    assert landed(surface, (1.5, 0.5, 6.0)) == [[1.5, 0.5, 5.0]]
+
+
+def test_the_nearest_ring_of_cells_decides() -> None:
+    surface = a_map((0, 0, 1, 0), (2, 0, 5, 0))
+    assert landed(surface, (-0.5, 0.5, 9.0)) == [[-0.5, 0.5, 1.0]]
+
+
+@pytest.mark.parametrize("cells", range(SEARCH_CELLS + 2))
+def test_the_search_ends_a_few_cells_away(cells: int) -> None:
+    surface = a_map((0, 0, 1, 0))
+    assert len(landed(surface, (cells + 0.5, 0.5, 2.0))) == (cells <= SEARCH_CELLS)
+
+
+def test_positions_unknown_beyond_the_grid_below_all_or_repeated_are_left_out() -> None:
+    position, nan = (0.3, 0.3, 2.0), np.nan
+    route = [(nan, nan, nan), (0.3, 0.3, nan), (1e300, 0, 1), (0.3, 0.3, -1), position, position]
+    assert landed(LEVELS, *route) == [[0.3, 0.3, 0.0]]
+
+
+def test_a_map_without_route_or_patches_has_no_route_on_the_ground() -> None:
+    assert landed(LEVELS) == []
+    assert landed(SurfaceMap.empty(0.5, 1, 0.2), (0, 0, 1)) == []
