@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from mlscli.cells import pack
-from mlscli.pipeline.grouping import distance, runs, upright
+from mlscli.patches import distance, runs, upright, within_gap
 from mlscli.surface_map import MEASURED, SurfaceMap
 from mlscli.typing import Array, Bool, Float64, Int64
 
@@ -159,41 +159,6 @@ def _apart(inserted: SurfaceMap, measured: SurfaceMap) -> SurfaceMap:
         inserted.gap_size,
     )
     return inserted.take(~near)
-
-
-@njit(cache=True, nogil=True)
-def within_gap(
-    keys: Array,
-    low: Float64,
-    high: Float64,
-    cells: Array,
-    start: Int64,
-    other_low: Float64,
-    other_high: Float64,
-    gap_size: float,
-) -> Bool:
-    """Tell which patches are within `gap_size` of one of the others in their cell.
-
-    Parameters
-    ----------
-    keys : uint64 (P,)
-        Packed cells of the patches, ascending.
-    cells : uint64 (C,)
-        Packed cells of the others, ascending; those of cell c are ``start[c]`` to
-        ``start[c + 1]``.
-    """
-    near = np.zeros(len(keys), dtype=np.bool_)
-    cell = 0
-    for i in range(len(keys)):
-        while cell < len(cells) and cells[cell] < keys[i]:
-            cell += 1
-        if cell == len(cells):
-            break
-        if cells[cell] == keys[i]:
-            for j in range(start[cell], start[cell + 1]):
-                if distance(low[i], high[i], other_low[j], other_high[j]) <= gap_size:
-                    near[i] = True
-    return near
 
 
 def _yield_to_higher(mine: SurfaceMap, others: SurfaceMap, equal: bool = False) -> SurfaceMap:

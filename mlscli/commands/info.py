@@ -50,7 +50,7 @@ def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
 
 
 def _of_recording(path: str, columns: str | None) -> dict[str, Any]:
-    from mlscli.io.base import open_source
+    from mlscli.io.formats import open_source
 
     source = open_source(Path(path), columns=columns)
     begin, end = (None if math.isnan(time) else time for time in source.time_span())

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io.base import Cloud, Source, Topic, Wanted, open_source
+from mlscli.io.base import Cloud, Source, Topic, Wanted
+from mlscli.io.formats import open_source
 from mlscli.io.selection import Selection
 from mlscli.keyframes import UNKNOWN_POSITION, Keyframe
 from mlscli.typing import Bool, Float64

@@ -14,9 +14,8 @@ import numpy as np
 from numba import njit
 
 from mlscli.cells import pack, unpack
-from mlscli.merging import within_gap
 from mlscli.parameters import Length, comparable, in_units, whole_cells
-from mlscli.pipeline.grouping import distance, runs
+from mlscli.patches import distance, runs, within_gap
 from mlscli.pipeline.stage import Fault
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt8

@@ -11,21 +11,15 @@ from numba import njit
 
 from mlscli.cells import cell_indices, pack, unpack
 from mlscli.keyframes import Points
+from mlscli.patches import runs, upright
 from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt32, UInt64
+from mlscli.typing import Float64, Int32, Int64, UInt32, UInt64
 
 
 def order_by_cell(keys: UInt64, z: Float64) -> Int64:
     """Return the order of points by (cell key, height)."""
     order: Int64 = np.lexsort((z, keys))
     return order
-
-
-def runs(keys: Array) -> Int64:
-    """Return where runs of equal keys begin, and the end of the last, for sorted keys."""
-    new = np.ones(len(keys), dtype=np.bool_)
-    new[1:] = keys[1:] != keys[:-1]
-    return np.append(np.flatnonzero(new), len(keys))
 
 
 def group(points: Points, cell_size: float, gap_size: float, thickness: float) -> SurfaceMap:
@@ -105,23 +99,3 @@ def summarise(
             squares += (z[i] - mean[g]) * (z[i] - mean[g])
         variance[g] = squares / count[g]
     return top, bottom, mean, variance, count, first, last
-
-
-def upright(
-    top: Float64, bottom: Float64, mean: Float64, variance: Float64, thickness: float
-) -> tuple[Float64, Float64]:
-    """Return height and depth of measured patches: vertical where they spread too far.
-
-    The spread is the extent, or that of a uniform distribution of the same variance where this
-    is less: the bare extent grows with the number of points, so that more data would turn noisy
-    floors into walls.
-    """
-    extent = top - bottom
-    vertical: Bool = np.minimum(extent, np.sqrt(12 * variance)) > thickness
-    return np.where(vertical, top, mean), np.where(vertical, extent, 0.0)
-
-
-@njit(cache=True, nogil=True)
-def distance(low: float, high: float, other_low: float, other_high: float) -> float:
-    """Return how far apart two intervals are; 0 where they overlap."""
-    return max(0.0, max(low - other_high, other_low - high))

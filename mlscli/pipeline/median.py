@@ -23,7 +23,8 @@ from numba import njit
 from mlscli.cells import pack
 from mlscli.keyframes import Points
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
-from mlscli.pipeline.grouping import order_by_cell, runs
+from mlscli.patches import runs
+from mlscli.pipeline.grouping import order_by_cell
 from mlscli.pipeline.stage import Fault, PointStage
 from mlscli.threads import in_ranges
 from mlscli.typing import Bool, Float64, Int64, UInt64

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
-from mlscli.pipeline.grouping import distance
+from mlscli.patches import distance
 from mlscli.pipeline.stage import MapStage
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int32, Int64

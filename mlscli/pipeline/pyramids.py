@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from mlscli.parameters import Length, comparable, in_units, parameter
-from mlscli.pipeline.grouping import distance
+from mlscli.patches import distance
 from mlscli.pipeline.neighbours import beside, nearest_in
 from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import SurfaceMap

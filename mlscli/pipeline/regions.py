@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from mlscli.parameters import Cells, Length, in_units, parameter
-from mlscli.pipeline.grouping import distance
+from mlscli.patches import distance
 from mlscli.pipeline.neighbours import beside
 from mlscli.pipeline.stage import MapStage
 from mlscli.surface_map import SurfaceMap

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError
-from mlscli.io.base import Cloud, open_source
+from mlscli.io.base import Cloud
+from mlscli.io.formats import open_source
 from tests.bags import Sent, write_bag
 
 KINDS = ["ros1", "ros2", "mcap"]

@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io.base import Cloud, open_source
+from mlscli.io.base import Cloud
+from mlscli.io.formats import open_source
 from mlscli.io.rosbag import RosBag
 from mlscli.io.text import TextCloud
 from tests.bags import Sent, write_bag

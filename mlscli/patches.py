@@ -1,0 +1,70 @@
+"""What a patch is: its shape from what was measured, and its distance from another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mlscli.typing import Array, Bool, Float64, Int64
+
+
+def runs(keys: Array) -> Int64:
+    """Return where runs of equal keys begin, and the end of the last, for sorted keys."""
+    new = np.ones(len(keys), dtype=np.bool_)
+    new[1:] = keys[1:] != keys[:-1]
+    return np.append(np.flatnonzero(new), len(keys))
+
+
+def upright(
+    top: Float64, bottom: Float64, mean: Float64, variance: Float64, thickness: float
+) -> tuple[Float64, Float64]:
+    """Return height and depth of measured patches: vertical where they spread too far.
+
+    The spread is the extent, or that of a uniform distribution of the same variance where this
+    is less: the bare extent grows with the number of points, so that more data would turn noisy
+    floors into walls.
+    """
+    extent = top - bottom
+    vertical: Bool = np.minimum(extent, np.sqrt(12 * variance)) > thickness
+    return np.where(vertical, top, mean), np.where(vertical, extent, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def distance(low: float, high: float, other_low: float, other_high: float) -> float:
+    """Return how far apart two intervals are; 0 where they overlap."""
+    return max(0.0, max(low - other_high, other_low - high))
+
+
+@njit(cache=True, nogil=True)
+def within_gap(
+    keys: Array,
+    low: Float64,
+    high: Float64,
+    cells: Array,
+    start: Int64,
+    other_low: Float64,
+    other_high: Float64,
+    gap_size: float,
+) -> Bool:
+    """Tell which patches are within `gap_size` of one of the others in their cell.
+
+    Parameters
+    ----------
+    keys : uint64 (P,)
+        Packed cells of the patches, ascending.
+    cells : uint64 (C,)
+        Packed cells of the others, ascending; those of cell c are ``start[c]`` to
+        ``start[c + 1]``.
+    """
+    near = np.zeros(len(keys), dtype=np.bool_)
+    cell = 0
+    for i in range(len(keys)):
+        while cell < len(cells) and cells[cell] < keys[i]:
+            cell += 1
+        if cell == len(cells):
+            break
+        if cells[cell] == keys[i]:
+            for j in range(start[cell], start[cell + 1]):
+                if distance(low[i], high[i], other_low[j], other_high[j]) <= gap_size:
+                    near[i] = True
+    return near
