@@ -13,7 +13,11 @@ from mlscli.errors import MlsError
 if TYPE_CHECKING:
     from mlscli.config import Parameters
     from mlscli.config import load as load_parameters
+    from mlscli.io.mapfile import read_map, write_map
+    from mlscli.io.obj import write_obj
+    from mlscli.io.ply import write_ply
     from mlscli.io.recording import open_recording
+    from mlscli.mesh import build_mesh
     from mlscli.pipeline.builder import MapBuilder, build_map
     from mlscli.surface_map import SurfaceMap
 
@@ -26,8 +30,13 @@ __all__ = [
     "SurfaceMap",
     "__version__",
     "build_map",
+    "build_mesh",
     "load_parameters",
     "open_recording",
+    "read_map",
+    "write_map",
+    "write_obj",
+    "write_ply",
 ]
 
 _HOMES = {
@@ -36,7 +45,12 @@ _HOMES = {
     "SurfaceMap": ("mlscli.surface_map", "SurfaceMap"),
     "build_map": ("mlscli.pipeline.builder", "build_map"),
     "load_parameters": ("mlscli.config", "load"),
+    "build_mesh": ("mlscli.mesh", "build_mesh"),
     "open_recording": ("mlscli.io.recording", "open_recording"),
+    "read_map": ("mlscli.io.mapfile", "read_map"),
+    "write_map": ("mlscli.io.mapfile", "write_map"),
+    "write_obj": ("mlscli.io.obj", "write_obj"),
+    "write_ply": ("mlscli.io.ply", "write_ply"),
 }
 
 

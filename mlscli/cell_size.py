@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from mlscli.errors import InputError
+from mlscli.threads import in_ranges
 from mlscli.typing import Float64
 
 NEIGHBOUR = 4
 
 
-def auto_cell_size(xyz: Float64) -> float:
+def auto_cell_size(xyz: Float64, told: Callable[[int], None] | None = None) -> float:
     """Return twice the median 3D distance of a point to its fourth nearest neighbour.
 
     Neither the order of the points nor the grid's symmetries change it, and outliers hardly
@@ -20,6 +23,8 @@ def auto_cell_size(xyz: Float64) -> float:
     ----------
     xyz : float64 (N, 3)
         All points of the recording, before any filter.
+    told : callable, optional
+        Called with how many of them are done, now and then.
 
     Raises
     ------
@@ -33,11 +38,18 @@ def auto_cell_size(xyz: Float64) -> float:
             f"cell_size: auto needs more than {NEIGHBOUR} points, and there are {len(xyz)}; "
             "set map.cell_size to a number"
         )
-    nearest, _ = cKDTree(xyz).query(xyz, k=[NEIGHBOUR + 1], workers=-1)
-    size = float(f"{2 * float(np.median(nearest)):.1e}")
+    tree = cKDTree(xyz)
+
+    def nearest(begin: int, end: int) -> Float64:
+        # Threads of scipy's own would outlive an interrupt.
+        distances, _ = tree.query(xyz[begin:end], k=[NEIGHBOUR + 1])
+        return np.asarray(distances)
+
+    distances = np.concatenate(in_ranges(len(xyz), nearest, told))
+    size = float(f"{2 * float(np.median(distances)):.1e}")
     if not size > 0:
         raise InputError(
-            f"cell_size: auto finds that most points coincide with {NEIGHBOUR} others; "
-            "set map.cell_size to a number"
+            f"cell_size: auto finds that most points coincide with {NEIGHBOUR} others; if each "
+            "message repeats the whole cloud, say --cumulative, else set map.cell_size to a number"
         )
     return size

@@ -60,7 +60,7 @@ def _no_route() -> Float64:
     return np.empty((0, 4))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SurfaceMap:
     """A sparse grid of surface patches; immutable in use.
 
@@ -246,6 +246,13 @@ class SurfaceMap:
                 mine.tobytes() == others.tobytes()
                 for mine, others in zip(self.columns.values(), other.columns.values(), strict=True)
             )
+        )
+
+    def __repr__(self) -> str:
+        """Say how much there is, not what: maps are large."""
+        return (
+            f"SurfaceMap(patches={self.size}, cells={len(self.cells.ix)}, "
+            f"cell_size={self.cell_size!r}, gap_size={self.gap_size!r}, frame_id={self.frame_id!r})"
         )
 
     __hash__ = None  # type: ignore[assignment]

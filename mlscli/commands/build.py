@@ -54,7 +54,7 @@ def command(
     begin = time.perf_counter()
     parameters = load(config, settings)
     target = output or default_output(sources[0])
-    refuse_existing(target, overwrite=overwrite)
+    refuse_existing(target, overwrite=overwrite, sources=sources)
     recording = open_recording(*sources, **selection)
     for note in recording.notes:
         say(f"mls: {note}")
@@ -100,16 +100,14 @@ def _text(account: dict[str, Any]) -> str:
     points, seconds = account["points"], dict(account["seconds"])
     dropped = [f"{count:,} dropped ({reason})" for reason, count in points["dropped"].items()]
     total = seconds.pop("total")
+    batches = report.some(account["batches"], "batch")
     longest_first = sorted(seconds.items(), key=lambda item: -item[1])
     rows = [
         (
             "points",
             f"{points['read']:,} read: " + ", ".join([f"{points['kept']:,} kept", *dropped]),
         ),
-        (
-            "keyframes",
-            f"{account['keyframes']:,} in {account['batches']:,} batches, {account['mode']}",
-        ),
+        ("keyframes", f"{account['keyframes']:,} in {batches}, {account['mode']}"),
         *report.map_rows(account),
         ("time", f"{total:.2f} s, {account['points_per_second']:,.0f} points/s"),
         ("", ", ".join(f"{what} {spent:.3f}" for what, spent in longest_first)),

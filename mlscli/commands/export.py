@@ -59,12 +59,12 @@ def command(
     materials (.mtl) beside it.
     """
     map_file = Path(source) if source is not None else _the_one_map()
-    kind = kind or _format_of(output)
+    kind = _format(kind, output)
     target = Path(output) if output is not None else Path(f"{map_file.stem}.{kind}")
 
     from mlscli.io.atomic import refuse_existing
 
-    refuse_existing(target, overwrite=overwrite)
+    refuse_existing(target, overwrite=overwrite, sources=[map_file])
 
     from mlscli.io.mapfile import read_map
     from mlscli.io.obj import write_obj
@@ -106,13 +106,12 @@ def _the_one_map() -> Path:
     return maps[0]
 
 
-def _format_of(output: str | None) -> Literal["ply", "obj"]:
-    """Return the format that an output's ending asks for."""
-    if output is None:
-        return "ply"
-    ending = Path(output).suffix.lower()
-    if ending == ".ply":
-        return "ply"
-    if ending == ".obj":
-        return "obj"
-    raise UsageError(f"{output}: does not end in .ply or .obj; say which with --format")
+def _format(kind: Literal["ply", "obj"] | None, output: str | None) -> Literal["ply", "obj"]:
+    """Return the format asked for by name or by the output's ending, which must agree."""
+    endings: dict[str, Literal["ply", "obj"]] = {".ply": "ply", ".obj": "obj"}
+    by_ending = None if output is None else endings.get(Path(output).suffix.lower())
+    if kind and by_ending and kind != by_ending:
+        raise UsageError(f"--format {kind}: {output} ends in .{by_ending}; let them agree")
+    if output is not None and not (kind or by_ending):
+        raise UsageError(f"{output}: does not end in .ply or .obj; say which with --format")
+    return kind or by_ending or "ply"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json
+from mlscli.commands.options import as_json, say
 
 if TYPE_CHECKING:
     from mlscli.io.base import Source
@@ -22,25 +22,36 @@ if TYPE_CHECKING:
 @click.argument("paths", metavar="FILE...", nargs=-1, required=True)
 @click.option("--columns", metavar="LIST", help="Columns of a text cloud, as for mls build.")
 @as_json
-def command(paths: tuple[str, ...], columns: str | None, as_json: bool) -> None:
+def command(paths: tuple[str, ...], columns: str | None, as_json: bool) -> int:
     """Say what recordings or maps hold.
 
     Of a bag: topics with types, counts and frames, the time, and which topics can be mapped; of a
     text cloud: its keyframes, extent and levels; of a map: patches by origin, levels, extent,
-    parameters and sources.
+    parameters and sources. With --json, a list of an object for each file. Files that cannot be
+    read are told, the others described.
     """
+    from mlscli.errors import MlsError
+
+    results, status = [], 0
+    for path in paths:
+        try:
+            results.append(_describe(path, columns))
+        except MlsError as error:
+            say(f"mls: {error}")
+            status = max(status, error.exit_status)
+    if as_json:
+        click.echo(json.dumps(results, indent=2))
+    elif results:
+        click.echo("\n".join(map(_text, results)))
+    return status
+
+
+def _describe(path: str, columns: str | None) -> dict[str, Any]:
     from mlscli.io.mapfile import is_map, read_map
 
-    results = []
-    for path in paths:
-        if is_map(path) or (path.endswith(".npz") and Path(path).is_file()):
-            results.append(_of_map(path, read_map(path)))
-        else:
-            results.append(_of_recording(path, columns))
-    if as_json:
-        click.echo(json.dumps(results if len(results) > 1 else results[0], indent=2))
-    else:
-        click.echo("\n".join(map(_text, results)))
+    if is_map(path) or (path.endswith(".npz") and Path(path).is_file()):
+        return _of_map(path, read_map(path))
+    return _of_recording(path, columns)
 
 
 def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
@@ -117,7 +128,7 @@ def _text(result: dict[str, Any]) -> str:
         rows = [("time", _time(result)), ("topics", f"{len(result['topics'])}")]
         return "\n".join([f"{head}\n{report.lines(rows)}", *_topic_lines(result["topics"])])
     rows = [
-        ("points", f"{result['points']:,} in {result['keyframes']:,} keyframes"),
+        ("points", f"{result['points']:,} in {report.some(result['keyframes'], 'keyframe')}"),
         ("dropped", report.counts(result["dropped"])),
         ("time", _time(result)),
         ("extent", report.bounds(result["extent"])),
@@ -132,9 +143,10 @@ def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     points = meta.get("points", {})
     return [
         *report.map_rows(result),
-        ("keyframes", f"{result['keyframes']:,} in {meta.get('batches', 0):,} batches"),
+        ("keyframes", f"{result['keyframes']:,} in {report.some(meta.get('batches', 0), 'batch')}"),
         ("points", report.counts({n: c for n, c in points.items() if isinstance(c, int)})),
         ("sources", ", ".join(meta.get("sources", []))),
+        ("read with", _settings(meta.get("reading", {}))),
         ("made by", str(meta.get("program", ""))),
         *_parameter_rows(meta.get("parameters", {})),
     ]
@@ -165,8 +177,14 @@ def _topic_lines(topics: list[dict[str, Any]]) -> Iterable[str]:
     widths = [max(len(str(topic[key])) for topic in topics) for key in ("name", "type", "messages")]
     for topic in topics:
         frame = f"  frame {topic['frame']!r}" if topic["frame"] else ""
-        can = "can be mapped" if topic["mappable"] else f"not mapped: {topic['why_not']}"
+        # The types that can be mapped are named once, below.
+        why_not = topic["why_not"].partition("; can be mapped:")[0]
+        can = "can be mapped" if topic["mappable"] else f"not mapped: {why_not}"
         yield (
             f"    {topic['name']:<{widths[0]}}  {topic['type']:<{widths[1]}}  "
             f"{topic['messages']:>{widths[2]}}  {can}{frame}"
         )
+    if not any(topic["mappable"] for topic in topics):
+        from mlscli.io.messages import CLOUD_TYPES
+
+        yield f"  can be mapped: {', '.join(CLOUD_TYPES)}"

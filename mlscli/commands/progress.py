@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
 import time
 
@@ -19,7 +21,7 @@ class ProgressBar:
     """
 
     def __init__(self) -> None:
-        self._shown = sys.stderr.isatty()
+        self._shown = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
         self._what = ""
         self._begin = self._drawn = 0.0
 
@@ -40,8 +42,9 @@ class ProgressBar:
 
     def _draw(self, text: str) -> None:
         if self._shown:
-            # Clear to the end of the line, for what stood there was longer.
-            click.echo(f"\r{text}\x1b[K", nl=False, err=True)
+            # Clear to the end of the line, for what stood there was longer; and never wrap it.
+            width = shutil.get_terminal_size().columns - 1
+            click.echo(f"\r{text[:width]}\x1b[K", nl=False, err=True)
 
 
 def line(what: str, done: int, total: int | None, seconds: float) -> str:

@@ -80,7 +80,8 @@ def reading(command: Command) -> Command:
         click.option(
             "--frame",
             metavar="FRAME",
-            help="The map frame; clouds in it are taken as they are.",
+            help="The frame of the clouds, where it has no usual name (map, odom, world) and yet "
+            "stands still: it becomes the map frame.",
         ),
     )
     for option in reversed(options):

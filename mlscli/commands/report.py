@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 
@@ -13,24 +14,32 @@ def lines(rows: Iterable[tuple[str, str]]) -> str:
     return "\n".join(f"  {name:<{width}}  {text}" for name, text in kept)
 
 
+def some(count: int, noun: str) -> str:
+    """Return ``1 cell``, ``1,234 cells``."""
+    ending = "" if count == 1 else "es" if noun.endswith("ch") else "s"
+    return f"{count:,} {noun}{ending}"
+
+
 def counts(numbers: Mapping[str, int]) -> str:
     """Return ``12 this, 3 that``; zeros are left out."""
     return ", ".join(f"{number:,} {name}" for name, number in numbers.items() if number)
 
 
-def bounds(extent: Mapping[str, Iterable[float]] | None) -> str:
-    """Return ``x -1.2 to 3.4, y ...``."""
+def bounds(extent: Mapping[str, Sequence[float]] | None) -> str:
+    """Return ``x -1.2 to 3.4, y ...``, to a thousandth of the extent and finer."""
     if extent is None:
         return "nothing"
     texts = []
     for axis, (low, high) in extent.items():
-        texts.append(f"{axis} {low:.6g} to {high:.6g}")
-    return ", ".join(texts)
+        span = high - low if high > low else max(abs(high), 1e-3)
+        decimals = max(0, 3 - math.floor(math.log10(span)))
+        texts.append(f"{axis} {low:,.{decimals}f} to {high:,.{decimals}f}")
+    return "; ".join(texts)
 
 
 def levels(cells_by_level: Mapping[str, int]) -> str:
     """Return how many cells hold one patch, two, and so on."""
-    return ", ".join(f"{cells:,} cells with {n}" for n, cells in cells_by_level.items())
+    return ", ".join(f"{some(cells, 'cell')} with {n}" for n, cells in cells_by_level.items())
 
 
 def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -42,7 +51,7 @@ def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("patches", f"{total:,}: {by_origin}; {vertical:,} vertical" if total else "none"),
         ("levels", levels(description["levels"])),
         ("extent", bounds(description["extent"])),
-        ("area", f"{description['area']:.6g} in {description['cells']:,} cells"),
+        ("area", f"{description['area']:.6g} in {some(description['cells'], 'cell')}"),
         ("cell size", f"{description['cell_size']:.6g}"),
         ("gap size", f"{description['gap_size']:.6g}"),
         ("thickness", f"{description['thickness']:.6g}"),

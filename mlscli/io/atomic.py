@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -12,15 +12,24 @@ from typing import BinaryIO
 from mlscli.errors import OutputError
 
 
-def refuse_existing(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+def refuse_existing(
+    path: str | os.PathLike[str],
+    *,
+    overwrite: bool,
+    sources: Iterable[str | os.PathLike[str]] = (),
+) -> None:
     """Refuse to replace what exists, before any work is done for it.
 
     Raises
     ------
     OutputError
-        Where `path` exists and `overwrite` is False, is a folder, or its folder is missing.
+        Where `path` exists and `overwrite` is False, is a folder or one of the `sources`, or its
+        folder is missing.
     """
     target = Path(path)
+    for source in sources:
+        if target.exists() and Path(source).exists() and target.samefile(source):
+            raise OutputError(f"{target}: is the source itself; choose another name")
     if target.is_dir():
         raise OutputError(f"{target}: is a folder; name a file")
     if not target.parent.is_dir():

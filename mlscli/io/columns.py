@@ -17,6 +17,7 @@ COLUMNS = ("x", "y", "z", "keyframe", "t", "cx", "cy", "cz")
 _OTHER_NAMES = {"pos_x": "x", "pos_y": "y", "pos_z": "z", "kf": "keyframe", "kf_id": "keyframe"}
 _SEPARATOR = re.compile(r"[ \t]*[,;][ \t]*|[ \t]+")
 _SEPARATORS = ",; \t"
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _TO_BLANK = str.maketrans(",;", "  ")
 _WITHOUT_BLANKS = str.maketrans(";", ",", " \t")
 
@@ -56,6 +57,11 @@ def header_columns(names: Sequence[str]) -> dict[str, int] | None:
     return {name: known.index(name) for name in known if name in COLUMNS}
 
 
+def is_known(name: str) -> bool:
+    """Tell whether a column of a header is one that is read."""
+    return _OTHER_NAMES.get(name, name) in COLUMNS
+
+
 def _missing(names: Sequence[str]) -> str:
     """Say which columns these lack; nothing where they suffice."""
     centre = [name for name in ("cx", "cy", "cz") if name in names]
@@ -70,6 +76,12 @@ def fields(line: str) -> list[str]:
     if not line or line.startswith("//"):
         return []
     return [word.strip("\"'") for word in _SEPARATOR.split(line)]
+
+
+def has_decimal_commas(line: str) -> bool:
+    """Tell whether a line is of numbers like 1,5 parted by semicolons, blanks or tabs."""
+    words = line.partition("#")[0].strip().rstrip(";").replace(";", " ").split()
+    return len(words) > 1 and all(_DECIMAL_COMMA.fullmatch(word) for word in words)
 
 
 def header_names(line: str) -> list[str]:

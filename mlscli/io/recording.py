@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -65,6 +66,8 @@ class Recording:
         The map frame; "map" where no source names one.
     notes : list of str
         What the user should know about how the sources are read.
+    options : dict
+        The options given that differ from their defaults, as JSON can hold them.
     tally : Tally
         Counts of the current or last pass.
     """
@@ -74,6 +77,7 @@ class Recording:
     _up: str
     _cumulative: bool
     frame_id: str
+    options: dict[str, Any] = field(default_factory=dict)
     tally: Tally = field(default_factory=Tally)
 
     @property
@@ -84,7 +88,11 @@ class Recording:
     @property
     def notes(self) -> list[str]:
         """What the user should know about how the sources are read."""
-        return [note for source in self._sources for note in (*source.notes, *_frame_note(source))]
+        return [
+            note
+            for source in self._sources
+            for note in (*source.notes, *_frame_note(source, self.frame_id))
+        ]
 
     @property
     def losses(self) -> list[str]:
@@ -175,8 +183,8 @@ class Recording:
         if not tally.keyframes:
             where = " between --start and --end" if self._selection.by_time else ""
             return f"{sources}: holds no keyframes{where}{losses}"
-        reasons = ", ".join(f"{count} {reason}" for reason, count in tally.dropped.items())
-        dropped = f": of {tally.points_read} read, dropped were {reasons}" if reasons else ""
+        reasons = ", ".join(f"{count:,} {reason}" for reason, count in tally.dropped.items())
+        dropped = f" to map: all {tally.points_read:,} were dropped, {reasons}" if reasons else ""
         return f"{sources}: holds no points{dropped}{losses}"
 
 
@@ -232,17 +240,26 @@ def open_recording(
     opened = [open_source(Path(source), topic, columns) for source in sources]
     _check_applies("--topic", topic, [bool(source.topics()) for source in opened], "a bag")
     _check_applies("--columns", columns, [not source.topics() for source in opened], "a text cloud")
-    return Recording(opened, selection, up, cumulative, _map_frame(opened, frame))
+    given = {
+        "topic": topic,
+        "columns": columns,
+        "start": start,
+        "end": end,
+        "every": every if every != 1 else None,
+        "crop": None if crop is None else list(crop),
+        "up": up if up != "z" else None,
+        "cumulative": cumulative or None,
+        "frame": frame,
+    }
+    options = {name: value for name, value in given.items() if value is not None}
+    return Recording(opened, selection, up, cumulative, _map_frame(opened, frame), options)
 
 
 def why_not_mapped(topic: Topic) -> str:
     """Say what stands against mapping a topic; nothing where it can be mapped as it is."""
     frame = _bare(topic.frame)
     if topic.mappable and frame and not _is_world(frame):
-        return (
-            f"frame {frame!r} is no world frame; if the clouds are in the map frame all the same, "
-            f"say --frame {frame}"
-        )
+        return f"frame {frame!r} is no world frame; where it stands still, say --frame {frame}"
     return topic.why_not
 
 
@@ -283,18 +300,21 @@ def _map_frame(sources: Sequence[Source], declared: str | None) -> str:
 def _other_frame(source: Source, frame: str, map_frame: str | None) -> InputError:
     if map_frame is None:
         expected = (
-            f"a world frame ({', '.join(WORLD_FRAMES)}); --frame {frame} declares it the map frame"
+            f"a world frame ({', '.join(WORLD_FRAMES)}); clouds that move with a sensor cannot be "
+            f"mapped, but where {frame!r} stands still, --frame {frame} says so"
         )
     else:
         expected = f"the map frame {map_frame!r}"
     return InputError(f"{source.label}: the clouds are in the frame {frame!r}, expected {expected}")
 
 
-def _frame_note(source: Source) -> list[str]:
+def _frame_note(source: Source, map_frame: str) -> list[str]:
     """Say in which frame clouds were taken as they are, where there are frames at all."""
     if not source.topics():
         return []
     frame = _bare(source.frame_id)
+    if frame and frame != map_frame:
+        return []
     stated = f"are in the frame {frame!r}" if frame else "state no frame"
     return [f"{source.label}: the clouds {stated} and are taken as they are"]
 

@@ -122,6 +122,7 @@ class _Parser:
         self.path = path
         self.layout = layout
         self.named = layout is not None
+        self.headed = False
         self.guessed = False
         self.comments: list[list[str]] = []
         self.notes: list[str] = []
@@ -134,7 +135,7 @@ class _Parser:
         starts: list[Bool] = []
         for first_line, text in self._texts():
             if not begun:
-                begun, text = self._begin(text)
+                begun, text = self._begin(text, first_line)
             cleaned = lines.clean(text)
             block_starts, after_blank = _starts(cleaned, after_blank)
             if len(block_starts):
@@ -173,10 +174,10 @@ class _Parser:
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
-    def _begin(self, text: str) -> tuple[bool, str]:
+    def _begin(self, text: str, first_line: int) -> tuple[bool, str]:
         """Settle the columns by the header or the first point, if there is one.
 
-        Returns whether there was, and the text with the header's line left blank.
+        Returns whether there was a point, and the text with the header's line left blank.
         """
         rows = text.split("\n")
         for number, row in enumerate(rows):
@@ -185,13 +186,21 @@ class _Parser:
                 self.comments.append(lines.header_names(row))
                 continue
             is_header = not any(lines.is_number(word) or not word for word in words)
-            if is_header:
+            if is_header and not self.headed:
+                self.headed = True
                 rows[number] = ""
-                text = "\n".join(rows)
-            if not self.named:
-                self.layout = self._by_name(row) if is_header else self._by_position(len(words))
-            return True, text
-        return False, text
+                if not self.named:
+                    self.layout = self._by_name(row)
+                continue
+            if lines.has_decimal_commas(row):
+                raise InputError(
+                    f"{self.path}:{first_line + number}: found {row.strip()[:40]!r}, with decimal "
+                    "commas; expected decimal points"
+                )
+            if self.layout is None:
+                self.layout = self._by_position(len(words))
+            return True, "\n".join(rows)
+        return False, "\n".join(rows)
 
     def _by_name(self, header: str) -> dict[str, int]:
         """Return the columns that a header names."""
@@ -201,6 +210,9 @@ class _Parser:
                 f"{self.path}: found {header.strip()[:60]!r} before the first point, expected "
                 "numbers or a header that names x, y and z once each"
             )
+        unused = [name for name in lines.header_names(header) if not lines.is_known(name)]
+        if unused:
+            self.notes.append(_unused(self.path, f"columns {', '.join(unused)} are"))
         return layout
 
     def _by_position(self, count: int) -> dict[str, int]:

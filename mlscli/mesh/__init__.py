@@ -125,7 +125,7 @@ def build_mesh(
     if style not in STYLES:
         raise UsageError(f"style: is {style!r}; it must be one of {', '.join(STYLES)}")
     if not math.isfinite(max_slope) or max_slope < 0:
-        raise UsageError(f"max_slope: is {max_slope!r}; it must be a finite number, 0 or more")
+        raise UsageError(f"--max-slope {max_slope!r}: expected a finite number of 0 or more")
     heights = height_range(surface)
     if not artificial:
         surface = surface.take(surface.origin != ARTIFICIAL)

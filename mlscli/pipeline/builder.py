@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
@@ -20,7 +20,7 @@ import mlscli
 from mlscli.cell_size import auto_cell_size
 from mlscli.cells import CellSet, on_grid
 from mlscli.config import Parameters, to_dict
-from mlscli.errors import UsageError
+from mlscli.errors import InputError, UsageError
 from mlscli.keyframes import Batch, Keyframe, Points, gather
 from mlscli.merging import add_measured
 from mlscli.parameters import in_units
@@ -93,6 +93,8 @@ class MapBuilder:
         Name of the map frame.
     sources : sequence of str
         What the map's meta names as its sources.
+    reading : mapping, optional
+        What it says of how they were read.
     progress : callable, optional
         As for `build`.
 
@@ -115,14 +117,19 @@ class MapBuilder:
         frame_id: str = "map",
         *,
         sources: Sequence[str] = (),
+        reading: Mapping[str, Any] | None = None,
         progress: Progress | None = None,
     ) -> None:
         cell_size = parameters.map.cell_size
         if isinstance(cell_size, str):
-            raise UsageError("map.cell_size: a growing map needs a number, not auto")
+            raise UsageError(
+                "map.cell_size: a growing map needs a number, not auto; "
+                "see Parameters.with_cell_size"
+            )
         self.parameters = parameters
         self.report = Report()
         self._sources = list(sources)
+        self._reading = dict(reading or {})
         self._progress = progress
         self._cell_size = cell_size
         self._empty = replace(
@@ -171,7 +178,6 @@ class MapBuilder:
             surface = self._in_one_pass(self._all_points())
         for stage in self._final_stages:
             surface = self._apply(stage, surface)
-        self._tell("done", surface.size, surface.size)
         surface = replace(surface, route=np.concatenate(self._routes))
         return replace(surface, meta=self._meta(surface))
 
@@ -229,9 +235,8 @@ class MapBuilder:
 
     def _measure(self, points: Points) -> SurfaceMap:
         for stage in self._point_stages:
-            self._tell(stage.name, 0, points.size)
             with timed(self.report.seconds, stage.name):
-                kept = stage.apply(points, self._cell_size)
+                kept = stage.apply(points, self._cell_size, self._teller(stage.name, points.size))
             self.report.drop(stage.name, points.size - kept.size)
             points = kept
         with timed(self.report.seconds, "grouping"):
@@ -240,23 +245,30 @@ class MapBuilder:
             return replace(measured, frame_id=empty.frame_id)
 
     def _apply(self, stage: MapStage, surface: SurfaceMap) -> SurfaceMap:
-        self._tell(stage.name, 0, surface.size)
+        tell = self._teller(stage.name, surface.size)
         with timed(self.report.seconds, stage.name):
             after = stage.apply(surface)
+        if tell is not None:
+            tell(surface.size)
         self._drop_by(stage, surface, after)
         return after
 
     def _drop_by(self, stage: MapStage, before: SurfaceMap, after: SurfaceMap) -> None:
         self.report.drop(stage.name, _points_in(before) - _points_in(after))
 
-    def _tell(self, what: str, done: int, total: int) -> None:
-        if self._progress is not None:
-            self._progress(what, done, total)
+    def _teller(self, what: str, total: int) -> Callable[[int], None] | None:
+        """Return what tells of the progress in one step; batch by batch, only reading tells."""
+        progress = self._progress
+        if progress is None or self.parameters.mode == "sequential":
+            return None
+        progress(what, 0, total)
+        return lambda done: progress(what, done, total)
 
     def _meta(self, surface: SurfaceMap) -> dict[str, Any]:
         return {
             "program": f"mls {mlscli.__version__}",
             "sources": self._sources,
+            "reading": self._reading,
             "parameters": to_dict(self.parameters),
             "points": {
                 "read": self.report.points_read,
@@ -294,7 +306,7 @@ def build(
     Raises
     ------
     MlsError
-        Where the recording cannot be read or the parameters do not go together.
+        Where the recording cannot be read, the parameters do not go together, or nothing is left.
     """
     parameters = Parameters() if parameters is None else parameters
     seconds: Counter[str] = Counter()
@@ -302,12 +314,19 @@ def build(
     if parameters.map.cell_size == "auto":
         # The size comes from the whole recording, before the first batch.
         held = list(keyframes)
+        xyz = np.concatenate([keyframe.points for keyframe in held])
         with timed(seconds, "cell size"):
-            cell_size = auto_cell_size(np.concatenate([keyframe.points for keyframe in held]))
+            cell_size = auto_cell_size(
+                xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
+            )
         parameters = parameters.with_cell_size(cell_size)
         keyframes = iter(held)
     builder = MapBuilder(
-        parameters, recording.frame_id, sources=recording.sources, progress=progress
+        parameters,
+        recording.frame_id,
+        sources=recording.sources,
+        reading=recording.options,
+        progress=progress,
     )
     for keyframe in keyframes:
         builder.add(keyframe)
@@ -315,7 +334,18 @@ def build(
     builder.report.points_read = recording.tally.points_read
     builder.report.dropped.update(recording.tally.dropped)
     builder.report.seconds.update(seconds)
-    return Build(builder.finish(), builder.report)
+    surface = builder.finish()
+    if not surface.size:
+        raise InputError(f"{', '.join(recording.sources)}: {_emptied(builder.report)}")
+    return Build(surface, builder.report)
+
+
+def _emptied(report: Report) -> str:
+    reasons = ", ".join(f"{count:,} ({reason})" for reason, count in report.dropped.items())
+    return (
+        f"no point is left to map: of {report.points_read:,} read, dropped were {reasons}; look at "
+        "map.cell_size and the stages' parameters"
+    )
 
 
 def build_map(

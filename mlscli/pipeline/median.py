@@ -13,7 +13,7 @@ the nine columns around: each point is compared with few others, in the order of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -53,7 +53,9 @@ class Median(PointStage):
         """Return the radius in whole cells, and one more: points can lie at their cells' edges."""
         return whole_cells(self.nb_radius, cell_size) + 1
 
-    def apply(self, points: Points, cell_size: float) -> Points:
+    def apply(
+        self, points: Points, cell_size: float, told: Callable[[int], None] | None = None
+    ) -> Points:
         """Return the points that stay, with their median heights."""
         radius = in_units(self.nb_radius, cell_size)
         keys = _column_keys(points.xyz, radius)
@@ -70,7 +72,7 @@ class Median(PointStage):
                 median, stays,
             )  # fmt: skip
 
-        in_ranges(len(columns), filter_columns)
+        in_ranges(len(columns), filter_columns, told and (lambda done: told(int(start[done]))))
         xyz = points.xyz.copy()
         xyz[order, 2] = median
         kept = np.empty(points.size, dtype=np.bool_)

@@ -9,7 +9,7 @@ them when fed with everything.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -48,8 +48,18 @@ class PointStage(Stage):
         """Return how many cells away a point can still change another's result."""
 
     @abstractmethod
-    def apply(self, points: Points, cell_size: float) -> Points:
-        """Return the points that stay, in their order, with their new heights."""
+    def apply(
+        self, points: Points, cell_size: float, told: Callable[[int], None] | None = None
+    ) -> Points:
+        """Return the points that stay, in their order, with their new heights.
+
+        Parameters
+        ----------
+        points : Points
+        cell_size : float
+        told : callable, optional
+            Called with how many points are done, now and then.
+        """
 
 
 @dataclass(frozen=True)

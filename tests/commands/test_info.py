@@ -26,7 +26,7 @@ def test_of_a_map_it_tells_patches_levels_and_what_made_it(tmp_path: Path) -> No
     assert text.returncode == 0, text.stderr
     assert "6: 5 measured, 1 artificial; 1 vertical" in text.stdout
     assert "flight.bag" in text.stdout
-    told = json.loads(mls("info", "bridge.npz", "--json", cwd=tmp_path).stdout)
+    told = json.loads(mls("info", "bridge.npz", "--json", cwd=tmp_path).stdout)[0]
     assert told["patches"] == {
         "total": 6, "measured": 5, "plastered": 0, "artificial": 1, "vertical": 1,
     }  # fmt: skip
@@ -40,7 +40,7 @@ def test_of_a_bag_it_tells_topics_frames_and_time(tmp_path: Path) -> None:
     write_bag(tmp_path / "flight.bag", clouds, topics=("/a", "/b"))
     done = mls("info", "flight.bag", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
+    told = json.loads(done.stdout)[0]
     assert told["kind"] == "ROS 1 bag"
     assert [topic["name"] for topic in told["topics"]] == ["/a", "/b"]
     for topic in told["topics"]:
@@ -53,7 +53,7 @@ def test_of_a_bag_it_tells_topics_frames_and_time(tmp_path: Path) -> None:
 
 def test_of_a_topic_that_cannot_be_mapped_it_says_why(tmp_path: Path) -> None:
     write_bag(tmp_path / "lidar.bag", [Sent(np.zeros((2, 3)), frame_id="os_sensor")])
-    topic = json.loads(mls("info", "lidar.bag", "--json", cwd=tmp_path).stdout)["topics"][0]
+    topic = json.loads(mls("info", "lidar.bag", "--json", cwd=tmp_path).stdout)[0]["topics"][0]
     assert not topic["mappable"]
     assert "os_sensor" in topic["why_not"]
 
@@ -63,7 +63,7 @@ def test_of_a_text_cloud_it_tells_extent_and_levels(tmp_path: Path) -> None:
     floor = np.c_[rng.uniform(0, 4, (2000, 2)), rng.normal(0, 0.01, 2000)]
     storey = floor[floor[:, 0] < 2] + (0, 0, 3)
     np.savetxt(tmp_path / "house.xyz", np.concatenate((floor, storey)))
-    told = json.loads(mls("info", "house.xyz", "--json", cwd=tmp_path).stdout)
+    told = json.loads(mls("info", "house.xyz", "--json", cwd=tmp_path).stdout)[0]
     assert told["points"] == 2000 + len(storey)
     assert told["keyframes"] == 1
     np.testing.assert_allclose(told["extent"]["x"], [0, 4], atol=0.05)
@@ -82,11 +82,21 @@ def test_what_is_neither_is_one_line(tmp_path: Path) -> None:
         assert done.stderr.count("\n") == 1
 
 
+def test_files_that_can_be_read_are_described_beside_those_that_cannot(tmp_path: Path) -> None:
+    write_map(tmp_path / "bridge.npz", map_of(BRIDGE))
+    done = mls("info", "nosuch", "bridge.npz", "--json", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "nosuch" in done.stderr
+    assert [told["file"] for told in json.loads(done.stdout)] == ["bridge.npz"]
+
+
 def test_of_the_real_bags_it_names_every_topic(shared_data: Path) -> None:
-    told = json.loads(mls("info", shared_data / "bags/ros1_luminar_pc2_lz4.bag", "--json").stdout)
+    told = json.loads(mls("info", shared_data / "bags/ros1_luminar_pc2_lz4.bag", "--json").stdout)[
+        0
+    ]
     clouds = [topic for topic in told["topics"] if topic["type"].endswith("PointCloud2")]
     assert clouds
     assert all("frame" in topic["why_not"] for topic in clouds)
-    told = json.loads(mls("info", shared_data / "bags/ros2_jackal_scan_pose", "--json").stdout)
+    told = json.loads(mls("info", shared_data / "bags/ros2_jackal_scan_pose", "--json").stdout)[0]
     scans = {topic["type"]: topic["messages"] for topic in told["topics"]}
     assert scans["sensor_msgs/msg/LaserScan"] == 189
