@@ -27,6 +27,9 @@ COMMANDS = {
     "build": ("mlscli.commands.build", "Build a map from a recording."),
     "export": ("mlscli.commands.export", "Write a map as a mesh."),
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
+    "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth."),
+    "synth": ("mlscli.commands.synth", "Make a synthetic flight, and its exact truth."),
+    "bench": ("mlscli.commands.bench", "Measure what the stages are worth."),
     "config": ("mlscli.commands.config", "Write, show and check parameters."),
 }
 
@@ -153,7 +156,7 @@ def _explain(error: BaseException) -> tuple[list[str], int]:
         case click.Abort() | KeyboardInterrupt():
             return [": interrupted"], 128 + signal.SIGINT
         case OSError():
-            name = error.filename or "input or output"
+            name = error.filename or "standard output"
             return [f": {name}: {error.strerror or error}"], 1
         case MemoryError():
             return [": out of memory; crop the recording or choose a larger cell size"], 1

@@ -122,7 +122,7 @@ def test_wrong_usage_is_one_line_and_status_2(arguments: list[str], told: str) -
         ("raise UsageError('no topic')", 2, "mls: no topic"),
         ("raise InputError('two\\nlines \\x1b[31m')", 1, r"mls: two\nlines \x1b[31m"),
         ("open('/no/such')", 1, "mls: /no/such: No such file or directory"),
-        ("raise OSError(28, 'No space left')", 1, "mls: input or output: No space left"),
+        ("raise OSError(28, 'No space left')", 1, "mls: standard output: No space left"),
         ("raise MemoryError", 1, "mls: out of memory"),
         ("raise KeyError('k')", 1, "mls: internal error: KeyError: 'k'; run again as"),
         ("raise click.Abort", 130, "mls: interrupted"),
@@ -222,7 +222,7 @@ def test_a_full_disk_is_one_line_and_no_success() -> None:
             env=ENVIRONMENT,
         )
     assert run.returncode == 1
-    assert run.stderr == "mls: input or output: No space left on device\n"
+    assert run.stderr == "mls: standard output: No space left on device\n"
 
 
 def test_the_package_names_its_calls_and_loads_none_of_them_by_itself() -> None:

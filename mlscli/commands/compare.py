@@ -1,0 +1,197 @@
+"""``mls compare``: two maps patch by patch, or a map against the truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+from mlscli.commands import report
+from mlscli.commands.options import as_json
+from mlscli.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from mlscli.scoring import Comparison, Differences, HeightErrors, Measures, Score, Share, Spread
+    from mlscli.surface_map import SurfaceMap
+
+# As of diff and cmp: what could not be compared must not pass for different.
+DIFFER, TROUBLE = 1, 2
+
+
+@click.command()
+@click.argument("map_file", metavar="A")
+@click.argument("other", metavar="[B]", required=False)
+@click.option("--truth", metavar="T", help="The true surfaces, as a map: mls synth writes them.")
+@click.option(
+    "--tolerance",
+    type=float,
+    metavar="X",
+    help="Heights and depths that differ by no more pass for equal.  [default: 0]",
+)
+@as_json
+def command(
+    map_file: str, other: str | None, truth: str | None, tolerance: float | None, as_json: bool
+) -> int:
+    """Compare two maps patch by patch, or a map with the truth.
+
+    With A and B: exit status 0 where they do not differ, 1 where they do, 2 where they cannot be
+    compared. With A and --truth T: how complete, correct and exact the map is.
+    """
+    if (other is None) == (truth is None):
+        raise UsageError("B: name either a second map, or the truth with --truth T")
+    if other is None and tolerance is not None:
+        raise UsageError("--tolerance: goes with two maps; against the truth it is half a cell")
+    with _trouble(f"{map_file} and {other or truth}"):
+        if other is not None:
+            return _compare(map_file, other, tolerance or 0.0, as_json)
+        return _score(map_file, str(truth), as_json)
+
+
+@contextmanager
+def _trouble(names: str) -> Iterator[None]:
+    """Say of which files an error tells, and end with the status for it."""
+    try:
+        yield
+    except InputError as error:
+        error.exit_status = TROUBLE
+        raise
+    except UsageError as error:
+        raise UsageError(f"{names}: {error}") from None
+
+
+def _compare(a: str, b: str, tolerance: float, as_json: bool) -> int:
+    from mlscli.io.mapfile import read_map
+    from mlscli.scoring import compare_maps
+
+    comparison = compare_maps(read_map(a), read_map(b), tolerance)
+    if as_json:
+        click.echo(json.dumps({"a": a, "b": b, **comparison.to_dict()}, indent=2))
+    else:
+        click.echo(_comparison_text(a, b, comparison))
+    return DIFFER if comparison.differ else 0
+
+
+def _score(map_file: str, truth_file: str, as_json: bool) -> int:
+    from mlscli.io.mapfile import read_map
+    from mlscli.scoring import score
+
+    surface, truth = read_map(map_file), read_map(truth_file)
+    try:
+        truth = _on_grid_of(surface, truth)
+    except InputError as error:
+        raise InputError(f"{truth_file}: {error}") from None
+    result = score(surface, truth)
+    if as_json:
+        click.echo(json.dumps({"map": map_file, "truth": truth_file, **result.to_dict()}, indent=2))
+    else:
+        click.echo(_score_text(map_file, truth_file, result))
+    return 0
+
+
+def _on_grid_of(surface: SurfaceMap, truth: SurfaceMap) -> SurfaceMap:
+    """Return the truth on the map's grid, made anew where it knows its surfaces."""
+    grid = (surface.cell_size, surface.gap_size, surface.thickness)
+    if grid == (truth.cell_size, truth.gap_size, truth.thickness) or "scene" not in truth.meta:
+        return truth
+    from mlscli.scenes.truth import truth_from_meta
+
+    return truth_from_meta(truth.meta, *grid)
+
+
+# --- as text ---
+
+
+def _comparison_text(a: str, b: str, comparison: Comparison) -> str:
+    if comparison.identical:
+        verdict = "identical"
+    elif comparison.differ:
+        verdict = "differ"
+    else:
+        verdict = f"equal within {comparison.tolerance:.6g}"
+    total, tolerance = comparison.total, comparison.tolerance
+    rows = [
+        *[(name, f"{one} and {two}") for name, (one, two) in comparison.grid.items()],
+        ("patches", _matched(total, a, b)),
+        ("heights", _spread(total.heights, tolerance)),
+        ("depths", _spread(total.depths, tolerance)),
+        ("columns", _columns(comparison)),
+        *[
+            (name, _matched(part, a, b) + _spread(part.heights, tolerance, before="; heights "))
+            for name, part in comparison.by_origin.items()
+        ],
+    ]
+    return f"{a} and {b}: {verdict}\n{report.lines(rows)}"
+
+
+def _matched(part: Differences, a: str, b: str) -> str:
+    return report.counts(
+        {"matched": part.matched, f"only in {a}": part.only_a, f"only in {b}": part.only_b}
+    )
+
+
+def _columns(comparison: Comparison) -> str:
+    differing = ", ".join(f"{name} of {n:,}" for name, n in comparison.columns.items())
+    return f"differ in {differing}" if differing else ""
+
+
+def _spread(spread: Spread, tolerance: float, before: str = "") -> str:
+    if not spread.maximum:
+        return ""
+    return (
+        f"{before}rmse {spread.rmse:.6g}, median {spread.median:.6g}, 95 % {spread.p95:.6g}, "
+        f"maximum {spread.maximum:.6g}; {spread.beyond:,} differ by more than {tolerance:.6g}"
+    )
+
+
+def _score_text(map_file: str, truth_file: str, result: Score) -> str:
+    total = result.total
+    by_shape = (
+        f"horizontal {_percent(total.completeness_horizontal)}, "
+        f"vertical {_percent(total.completeness_vertical)}"
+    )
+    per_cell = result.false_levels_per_cell
+    rows = [
+        ("completeness", f"{_share(total.completeness)} true patches found; {by_shape}"),
+        ("correctness", f"{_share(total.correctness)} patches on a true surface"),
+        ("heights", _errors(total.heights)),
+        (
+            "false levels",
+            f"{result.false_levels:,}"
+            + ("" if per_cell is None else f", {per_cell:.6g} for each true cell"),
+        ),
+        ("levels missed", f"{result.levels_missed:,}"),
+        ("phantom closings", f"{_share(result.phantom_closings)} inserted patches"),
+        ("honest red", f"{_share(result.honest_red)} artificial patches on a true surface"),
+        ("flat called vertical", f"{_share(total.flat_called_vertical)} flat true patches"),
+        *[(origin, _measures(part)) for origin, part in result.by_origin.items()],
+    ]
+    return f"{map_file} against {truth_file}\n{report.lines(rows)}"
+
+
+def _measures(part: Measures) -> str:
+    if not part.correctness.of:
+        return ""
+    return (
+        f"{_percent(part.completeness)} found by these alone, "
+        f"{_percent(part.correctness)} correct; heights {_errors(part.heights)}"
+    )
+
+
+def _errors(errors: HeightErrors) -> str:
+    if not errors.patches:
+        return "none to compare"
+    return (
+        f"rmse {errors.rmse:.6g}, bias {errors.bias:.6g}, 95 % {errors.p95:.6g} "
+        f"in {errors.patches:,} patches"
+    )
+
+
+def _share(share: Share) -> str:
+    return f"{_percent(share)}: {share.count:,} of {share.of:,}"
+
+
+def _percent(share: Share) -> str:
+    return "-" if share.share is None else f"{100 * share.share:.2f} %"

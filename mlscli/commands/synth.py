@@ -1,0 +1,291 @@
+"""`mls synth`: synthetic flights over scenes, and their exact truth."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from mlscli.commands import report
+from mlscli.commands.options import as_json, overwrite
+from mlscli.commands.reading import Numbers
+from mlscli.errors import UsageError
+
+if TYPE_CHECKING:
+    from mlscli.scenes.flight import Flight
+    from mlscli.scenes.surfaces import Scene
+
+Kind = Literal["text", "ros1", "ros2", "mcap"]
+
+ENDINGS: dict[str, Kind] = {
+    ".txt": "text", ".csv": "text", ".xyz": "text", ".bag": "ros1", ".mcap": "mcap", "": "ros2",
+}  # fmt: skip
+
+
+@click.command()
+@click.option("--type", "type_", metavar="TYPE", help="Scene by name or number; see --list.")
+@click.option("--scene", "file", metavar="FILE", help="Scene in YAML: a list of surfaces.")
+@click.option("--list", "listing", is_flag=True, help="List the scenes there are.")
+@click.option(
+    "--add-param",
+    type=float,
+    metavar="A",
+    help="The scene's crucial dimension: height of a bridge, diameter of holes, offset of planes.",
+)
+@click.option("--size", type=int, metavar="N", help="Houses along each side of the village.")
+@click.option(
+    "--grid", type=float, default=0.1, show_default=True, metavar="S", help="Spacing of the points."
+)
+@click.option(
+    "--sigma",
+    type=Numbers("H,V"),
+    default="0.05,0.05",
+    show_default=True,
+    help="Standard deviations of the points, horizontal and vertical.",
+)
+@click.option(
+    "--noise",
+    type=click.Choice(("thesis", "slam")),
+    default="thesis",
+    show_default=True,
+    help="Salt and pepper in z, or depth errors that grow with the square of the distance.",
+)
+@click.option(
+    "--salt-pepper",
+    type=float,
+    default=0.1,
+    show_default=True,
+    metavar="P",
+    help="Chance of 5 times the sigma in z; with slam, of a wrong correspondence.",
+)
+@click.option(
+    "--outliers",
+    type=float,
+    default=0.0,
+    show_default=True,
+    metavar="P",
+    help="Share of points at any height of the scene.",
+)
+@click.option(
+    "--holes",
+    type=Numbers("N,D"),
+    default="0,0",
+    help="So many round places without texture, of this diameter.",
+)
+@click.option(
+    "--seed", type=int, default=0, show_default=True, metavar="N", help="Of all that is chance."
+)
+@click.option("--all-points", is_flag=True, help="Record every point, seen or not.")
+@click.option(
+    "--route-height",
+    type=float,
+    default=1.5,
+    show_default=True,
+    metavar="H",
+    help="Of the survey above the scene's top.",
+)
+@click.option(
+    "--field-of-view",
+    type=float,
+    default=120.0,
+    show_default=True,
+    metavar="DEG",
+    help="Whole angle that the camera sees.",
+)
+@click.option(
+    "--range",
+    "reach",
+    type=float,
+    metavar="R",
+    help="How far the camera sees; by default twice as far as from the survey to the bottom.",
+)
+@click.option(
+    "--cell-size", type=float, default=0.15, show_default=True, metavar="C", help="Of the truth."
+)
+@click.option(
+    "--gap-size", type=float, default=0.5, show_default=True, metavar="G", help="Of the truth."
+)
+@click.option(
+    "--thickness", type=float, metavar="T", help="Of the truth; by default the cell size."
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="OUT",
+    help="Text (.txt, .csv, .xyz), ROS 1 bag (.bag), MCAP (.mcap) or, without an ending, a ROS 2 "
+    "folder; by default the scene's name with .txt. The truth is written beside it.",
+)
+@click.option("--sensor-frame", is_flag=True, help="In bags: clouds in the camera's frame.")
+@overwrite
+@as_json
+def command(
+    type_: str | None,
+    file: str | None,
+    listing: bool,
+    output: str | None,
+    sensor_frame: bool,
+    overwrite: bool,
+    as_json: bool,
+    cell_size: float,
+    gap_size: float,
+    thickness: float | None,
+    **flying: Any,
+) -> None:
+    """Make a synthetic flight over a scene, and its exact truth.
+
+    The truth is a map of the surfaces themselves, OUT.truth.npz; mls compare scores a map by it.
+    """
+    if listing:
+        click.echo(_scenes(as_json))
+        return
+    scene = _scene(type_, file, flying.pop("add_param"), flying.pop("size"))
+    target = Path(output if output is not None else f"{scene.name}.txt")
+    kind = _kind(target)
+    if sensor_frame and kind == "text":
+        raise UsageError(f"--sensor-frame: {target} is text, which has no frames; name a bag")
+    stem = target.name if kind == "ros2" else target.stem
+    beside = target.with_name(f"{stem}.truth.npz")
+    _refuse_existing(target, kind, beside, overwrite)
+
+    from mlscli.io.mapfile import write_map
+    from mlscli.scenes.truth import truth
+
+    begin = time.perf_counter()
+    true = truth(scene, cell_size, gap_size, cell_size if thickness is None else thickness)
+    flight = _fly(scene, **flying)
+    _write(target, kind, flight, sensor_frame, overwrite)
+    write_map(beside, true, overwrite=overwrite)
+    account = {
+        "recording": str(target),
+        "truth": str(beside),
+        "scene": scene.name,
+        "points": flight.points,
+        "keyframes": len(flight.keyframes),
+        "surfaces": len(scene.surfaces),
+        "truth_patches": true.size,
+        "seconds": time.perf_counter() - begin,
+    }
+    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+
+
+def _scenes(as_json: bool) -> str:
+    from mlscli.scenes.presets import PRESETS
+
+    if as_json:
+        rows = [
+            {
+                "number": preset.number,
+                "name": preset.name,
+                "summary": preset.summary,
+                "add_param": preset.dimension._asdict() if preset.dimension else None,
+            }
+            for preset in PRESETS
+        ]
+        return json.dumps(rows, indent=2)
+    lines = []
+    for preset in PRESETS:
+        dimension = preset.dimension
+        what = f" (--add-param {dimension.default:g}: {dimension.what})" if dimension else ""
+        lines.append((f"{preset.number or '':>1} {preset.name}", preset.summary + what))
+    return report.lines(lines)
+
+
+def _scene(type_: str | None, file: str | None, add_param: float | None, size: int | None) -> Scene:
+    from mlscli.scenes.presets import make
+    from mlscli.scenes.sceneio import load_scene
+
+    if (type_ is None) == (file is None):
+        found = "both" if file else "neither"
+        raise UsageError(f"found {found} of --type and --scene, expected one; see --list")
+    if type_ is not None:
+        return make(type_, add_param, size)
+    for option, value in (("--add-param", add_param), ("--size", size)):
+        if value is not None:
+            raise UsageError(f"{option} {value:g}: belongs to a --type; a --scene says it itself")
+    assert file is not None
+    return load_scene(file)
+
+
+def _kind(target: Path) -> Kind:
+    """Return the format that an output's name asks for."""
+    if target.is_dir():
+        return "ros2"
+    ending = target.suffix.lower()
+    if ending not in ENDINGS:
+        known = ", ".join(filter(None, ENDINGS))
+        raise UsageError(f"{target}: does not end in {known}, nor has no ending (ROS 2 folder)")
+    return ENDINGS[ending]
+
+
+def _refuse_existing(target: Path, kind: Kind, beside: Path, overwrite: bool) -> None:
+    from mlscli.io.atomic import refuse_existing
+
+    if kind == "text":
+        refuse_existing(target, overwrite=overwrite)
+    else:
+        from mlscli.io.bagfile import refuse_existing_bag
+
+        refuse_existing_bag(target, kind, overwrite=overwrite)
+    refuse_existing(beside, overwrite=overwrite)
+
+
+def _fly(
+    scene: Scene,
+    *,
+    grid: float,
+    sigma: tuple[float, float],
+    noise: Literal["thesis", "slam"],
+    salt_pepper: float,
+    outliers: float,
+    holes: tuple[float, float],
+    seed: int,
+    all_points: bool,
+    route_height: float,
+    field_of_view: float,
+    reach: float | None,
+) -> Flight:
+    from mlscli.scenes.flight import Craft, fly
+    from mlscli.scenes.noise import Noise
+    from mlscli.scenes.surfaces import Scatter
+
+    count, diameter = holes
+    if not count.is_integer():
+        raise UsageError(f"--holes {count:g},{diameter:g}: expected a whole number of holes")
+    return fly(
+        scene,
+        grid,
+        Noise(noise, Scatter(*sigma), salt_pepper, outliers),
+        Craft(route_height, field_of_view, reach),
+        holes=(int(count), diameter),
+        seed=seed,
+        visibility=not all_points,
+    )
+
+
+def _write(target: Path, kind: Kind, flight: Flight, sensor_frame: bool, overwrite: bool) -> None:
+    if kind == "text":
+        from mlscli.io.flightfile import write_text
+
+        write_text(target, flight.keyframes, overwrite=overwrite)
+    else:
+        from mlscli.io.bagfile import write_bag
+
+        write_bag(
+            target,
+            flight.keyframes,
+            flight.attitudes,
+            kind,
+            sensor_frame=sensor_frame,
+            overwrite=overwrite,
+        )
+
+
+def _text(account: dict[str, Any]) -> str:
+    return (
+        f"{account['recording']}: {account['points']:,} points in {account['keyframes']:,} "
+        f"keyframes over {account['surfaces']:,} surfaces; {account['truth']}: "
+        f"{account['truth_patches']:,} true patches"
+    )

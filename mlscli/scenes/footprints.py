@@ -1,0 +1,269 @@
+"""What surfaces cover of each cell: exact areas and heights, from rectangles clipped to cells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mlscli.scenes.surfaces import Surface, edges
+from mlscli.typing import Array, Bool, Float64, Int64
+
+
+class Footprints(NamedTuple):
+    """Parts of surfaces, each within one cell.
+
+    Attributes
+    ----------
+    ix, iy : int64 (F,)
+        The cell.
+    plane : int64 (F,)
+        Number of the plane that the surface lies in: surfaces in one plane count together.
+    share : float64 (F,)
+        Of a level or sloping part, the share of the cell's area that it covers; of an upright
+        one, how much of a cell's side runs along it.
+    low, high, mean, variance : float64 (F,)
+        Of the heights of the part, all over its area.
+    """
+
+    ix: Int64
+    iy: Int64
+    plane: Int64
+    share: Float64
+    slant: Float64
+    low: Float64
+    high: Float64
+    mean: Float64
+    variance: Float64
+
+    def take(self, which: Bool | Int64) -> Footprints:
+        """Return the parts that a mask or indices choose."""
+        columns: list[Any] = [column[which] for column in self]
+        return Footprints(*columns)
+
+
+def footprints(surfaces: Sequence[Surface], cell_size: float) -> tuple[Footprints, Footprints]:
+    """Return what level or sloping surfaces cover of each cell, and what upright ones do."""
+    planes, slants = _planes(surfaces), np.array([_slant(surface) for surface in surfaces])
+    parts: list[Footprints] = []
+    for upright, clip in ((False, _clip_flat), (True, _clip_upright)):
+        chosen = [number for number, surface in enumerate(surfaces) if surface.upright == upright]
+        owner, corner, along, across = _solid([surfaces[number] for number in chosen])
+        piece, ix, iy, share, *heights = clip(corner, along, across, cell_size)
+        surface = np.array(chosen, dtype=np.int64)[owner[piece]]
+        parts.append(Footprints(ix, iy, planes[surface], share, slants[surface], *heights))
+    return parts[0], parts[1]
+
+
+def cells_spanned(surfaces: Sequence[Surface], cell_size: float) -> float:
+    """Return how many cells the surfaces span, at most; a number before memory is asked for."""
+    _, along, across = edges(surfaces)
+    width = (np.abs(along[:, :2]) + np.abs(across[:, :2])) / cell_size + 2
+    return float(width.prod(axis=1).sum())
+
+
+def _planes(surfaces: Sequence[Surface]) -> Int64:
+    """Return the number of each surface's plane; those equal to nine digits are one."""
+    corner, along, across = edges(surfaces)
+    normal = np.cross(along, across)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    # A plane has two normals; the first part of it that is not zero is to be positive.
+    rounded = np.round(normal, 9)
+    first = np.take_along_axis(rounded, (rounded != 0).argmax(axis=1)[:, None], axis=1)
+    normal *= np.sign(first)
+    offset = (normal * corner).sum(axis=1)
+    keys = np.round(np.column_stack((normal, offset)), 9) + 0.0
+    _, number = np.unique(keys, axis=0, return_inverse=True)
+    return np.asarray(number, dtype=np.int64).reshape(-1)
+
+
+def _slant(surface: Surface) -> float:
+    return 1.0 if surface.upright else math.hypot(*surface.normal) / abs(surface.normal[2])
+
+
+def _solid(surfaces: Sequence[Surface]) -> tuple[Int64, Float64, Float64, Float64]:
+    """Return the surfaces as rectangles without openings.
+
+    Returns
+    -------
+    owner : int64 (R,)
+        The surface that each rectangle is a part of.
+    corner, along, across : float64 (R, 3)
+    """
+    parts = [_around(surface) for surface in surfaces]
+    owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    u_low, u_high, v_low, v_high = np.array(
+        [rectangle for part in parts for rectangle in part], dtype=np.float64
+    ).reshape(-1, 4).T[:, :, None]  # fmt: skip
+    corner, along, across = (edge[owner] for edge in edges(surfaces))
+    corner = corner + u_low * along + v_low * across
+    return owner, corner, (u_high - u_low) * along, (v_high - v_low) * across
+
+
+def _around(surface: Surface) -> list[tuple[float, float, float, float]]:
+    """Cut the openings out: rectangles in u and v from 0 to 1, between the openings' edges."""
+    if not surface.openings:
+        return [(0.0, 1.0, 0.0, 1.0)]
+    length, width = surface.lengths
+    holes = [
+        (part.a_low / length, part.a_high / length, part.b_low / width, part.b_high / width)
+        for part in surface.openings
+    ]
+    cuts = sorted({0.0, 1.0, *(min(max(u, 0.0), 1.0) for hole in holes for u in hole[:2])})
+    rectangles = []
+    for low, high in pairwise(cuts):
+        reached = 0.0
+        beside = [hole[2:] for hole in holes if hole[0] < high and hole[1] > low]
+        for begin, end in sorted(beside):
+            if begin > reached:
+                rectangles.append((low, high, reached, min(begin, 1.0)))
+            reached = max(reached, end)
+        if reached < 1.0:
+            rectangles.append((low, high, reached, 1.0))
+    return rectangles
+
+
+@njit(cache=True, nogil=True)
+def _clip_flat(
+    corner: Float64, along: Float64, across: Float64, cell_size: float
+) -> tuple[Array, ...]:
+    """Clip rectangles, seen from above, to the cells.
+
+    Returns
+    -------
+    tuple
+        Of each part: its rectangle, ix, iy, share of the cell, lowest, highest, mean and
+        variance of its heights.
+    """
+    size = 0
+    for r in range(len(corner)):
+        x0, x1, y0, y1 = _cells_of(corner[r], along[r], across[r], cell_size)
+        size += (x1 - x0 + 1) * (y1 - y0 + 1)
+    where = np.empty((3, size), dtype=np.int64)
+    values = np.empty((5, size))
+    polygon, clipped = np.empty((12, 3)), np.empty((12, 3))
+    found = 0
+    for r in range(len(corner)):
+        x0, x1, y0, y1 = _cells_of(corner[r], along[r], across[r], cell_size)
+        for ix in range(x0, x1 + 1):
+            for iy in range(y0, y1 + 1):
+                polygon[0] = corner[r]
+                polygon[1] = corner[r] + along[r]
+                polygon[2] = corner[r] + along[r] + across[r]
+                polygon[3] = corner[r] + across[r]
+                sides = 4
+                for axis in range(2):
+                    edge = (ix if axis == 0 else iy) * cell_size
+                    sides = _cut(polygon, sides, axis, edge, 1.0, clipped)
+                    sides = _cut(clipped, sides, axis, edge + cell_size, -1.0, polygon)
+                area, mean, variance = _heights(polygon, sides)
+                if area > 0.0:
+                    where[0, found], where[1, found], where[2, found] = r, ix, iy
+                    values[0, found] = area / (cell_size * cell_size)
+                    values[1, found] = polygon[:sides, 2].min()
+                    values[2, found] = polygon[:sides, 2].max()
+                    values[3, found], values[4, found] = mean, variance
+                    found += 1
+    where, values = where[:, :found], values[:, :found]
+    return where[0], where[1], where[2], values[0], values[1], values[2], values[3], values[4]
+
+
+@njit(cache=True, nogil=True)
+def _cells_of(
+    corner: Float64, along: Float64, across: Float64, cell_size: float
+) -> tuple[int, int, int, int]:
+    """Return the least and the greatest ix and iy of the cells that a rectangle may reach."""
+    low, high = np.empty(2), np.empty(2)
+    for axis in range(2):
+        low[axis] = corner[axis] + min(along[axis], 0.0) + min(across[axis], 0.0)
+        high[axis] = corner[axis] + max(along[axis], 0.0) + max(across[axis], 0.0)
+    return (
+        math.floor(low[0] / cell_size),
+        math.floor(high[0] / cell_size),
+        math.floor(low[1] / cell_size),
+        math.floor(high[1] / cell_size),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, result: Float64) -> int:
+    """Keep of a convex polygon what is beyond an edge, or, with sign -1, on this side of it."""
+    kept = 0
+    for i in range(sides):
+        here, there = polygon[i], polygon[(i + 1) % sides]
+        inside = (here[axis] - edge) * sign
+        next_inside = (there[axis] - edge) * sign
+        if inside >= 0.0:
+            result[kept] = here
+            kept += 1
+        if (inside > 0.0 and next_inside < 0.0) or (inside < 0.0 and next_inside > 0.0):
+            way = inside / (inside - next_inside)
+            result[kept] = here + way * (there - here)
+            result[kept, axis] = edge
+            kept += 1
+    return kept
+
+
+@njit(cache=True, nogil=True)
+def _heights(polygon: Float64, sides: int) -> tuple[float, float, float]:
+    """Return the area seen from above, and mean and variance of the heights over it."""
+    area = first = second = 0.0
+    base = polygon[0, 2]
+    for i in range(1, sides - 1):
+        ax, ay = polygon[i, 0] - polygon[0, 0], polygon[i, 1] - polygon[0, 1]
+        bx, by = polygon[i + 1, 0] - polygon[0, 0], polygon[i + 1, 1] - polygon[0, 1]
+        part = abs(ax * by - ay * bx) / 2
+        # The integrals of a linear height over a triangle whose first corner is at 0.
+        one, other = polygon[i, 2] - base, polygon[i + 1, 2] - base
+        area += part
+        first += part * (one + other) / 3
+        second += part * (one * one + other * other + one * other) / 6
+    if area == 0.0:
+        return 0.0, base, 0.0
+    mean = first / area
+    return area, base + mean, max(0.0, second / area - mean * mean)
+
+
+@njit(cache=True, nogil=True)
+def _clip_upright(
+    corner: Float64, along: Float64, across: Float64, cell_size: float
+) -> tuple[Array, ...]:
+    """Clip walls to the cells that they run through; as `_clip_flat`.
+
+    A wall that runs along the edge of cells stands in those that begin there.
+    """
+    size = 0
+    for r in range(len(corner)):
+        x0, x1, y0, y1 = _cells_of(corner[r], along[r], across[r], cell_size)
+        size += (x1 - x0 + 1) * (y1 - y0 + 1)
+    where = np.empty((3, size), dtype=np.int64)
+    values = np.empty((5, size))
+    found = 0
+    for r in range(len(corner)):
+        length = math.hypot(along[r, 0], along[r, 1])
+        x0, x1, y0, y1 = _cells_of(corner[r], along[r], across[r], cell_size)
+        for ix in range(x0, x1 + 1):
+            for iy in range(y0, y1 + 1):
+                enter, leave = 0.0, 1.0
+                for axis in range(2):
+                    if along[r, axis] != 0.0:
+                        edge = (ix if axis == 0 else iy) * cell_size - corner[r, axis]
+                        one = edge / along[r, axis]
+                        other = (edge + cell_size) / along[r, axis]
+                        enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
+                if leave > enter:
+                    begin = corner[r, 2] + enter * along[r, 2]
+                    end = corner[r, 2] + leave * along[r, 2]
+                    low, high = min(begin, end), max(begin, end) + across[r, 2]
+                    where[0, found], where[1, found], where[2, found] = r, ix, iy
+                    values[0, found] = (leave - enter) * length / cell_size
+                    values[1, found], values[2, found] = low, high
+                    values[3, found] = (low + high) / 2
+                    values[4, found] = (high - low) ** 2 / 12
+                    found += 1
+    where, values = where[:, :found], values[:, :found]
+    return where[0], where[1], where[2], values[0], values[1], values[2], values[3], values[4]

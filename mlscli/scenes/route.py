@@ -1,0 +1,113 @@
+"""The way a craft flies, and where its camera looks: a survey from above, then legs of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlscli.errors import UsageError
+from mlscli.scenes.surfaces import Leg, Scene
+from mlscli.typing import Float64
+
+# In heights of the survey over the top of the scene.
+LANE, STEP = 1.5, 0.5
+MAX_POSES = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Where the craft was at each keyframe, and how it held its camera.
+
+    Attributes
+    ----------
+    position : float64 (K, 3)
+    yaw, tilt : float64 (K,)
+        Radians: where it looks, from x towards y; how far it looks up from straight down.
+    """
+
+    position: Float64
+    yaw: Float64
+    tilt: Float64
+
+    @property
+    def direction(self) -> Float64:
+        """The unit vector (K, 3) along which each camera looks."""
+        level = np.sin(self.tilt)
+        return np.column_stack(
+            (level * np.cos(self.yaw), level * np.sin(self.yaw), -np.cos(self.tilt))
+        )
+
+    @property
+    def attitude(self) -> Float64:
+        """The quaternion (K, 4), as x, y, z, w, of the craft: heading, nose up by the tilt.
+
+        The camera is fixed to the craft and looks straight down from it where it is level.
+        """
+        yaw, pitch = self.yaw / 2, -self.tilt / 2
+        cos_yaw, sin_yaw, cos_pitch, sin_pitch = (
+            np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch),
+        )  # fmt: skip
+        return np.column_stack(
+            (-sin_yaw * sin_pitch, cos_yaw * sin_pitch, sin_yaw * cos_pitch, cos_yaw * cos_pitch)
+        )
+
+
+def fly_route(scene: Scene, height: float) -> Poses:
+    """Return the poses of a flight: lanes over the whole scene, then its legs.
+
+    Parameters
+    ----------
+    scene : Scene
+    height : float
+        Of the lanes above the scene's top. They are 1.5 heights apart, keyframes half a height.
+
+    Raises
+    ------
+    UsageError
+        Where `height` is not above 0, or so small that the keyframes are too many.
+    """
+    if not (math.isfinite(height) and height > 0):
+        raise UsageError(f"--route-height {height:g}: expected a height above 0")
+    low, high = scene.bounds
+    area = float(np.prod((high - low)[:2] + 2 * LANE * height))
+    if area / (LANE * STEP * height * height) > MAX_POSES:
+        raise UsageError(
+            f"--route-height {height:g}: so low over {scene.name}, a survey takes more than "
+            f"{MAX_POSES} keyframes; fly higher"
+        )
+    legs = [*survey(scene, height), *scene.legs]
+    return _along(legs, STEP * height)
+
+
+def survey(scene: Scene, height: float) -> list[Leg]:
+    """Return lanes there and back over the scene, looking straight down, half a lane beyond it."""
+    low, high = scene.bounds
+    lane, z = LANE * height, float(high[2]) + height
+    longer = int(high[1] - low[1] > high[0] - low[0])
+    shorter = 1 - longer
+    first, last = low - lane / 2, high + lane / 2
+    lanes = math.ceil((last[shorter] - first[shorter]) / lane) + 1
+    legs = []
+    for number, place in enumerate(np.linspace(first[shorter], last[shorter], lanes)):
+        ends = np.full((2, 3), z)
+        ends[:, shorter] = place
+        ends[:, longer] = (first[longer], last[longer])
+        start, end = ends.tolist() if number % 2 == 0 else ends[::-1].tolist()
+        legs.append(Leg(tuple(start), tuple(end)))
+    return legs
+
+
+def _along(legs: Iterable[Leg], step: float) -> Poses:
+    """Return poses at most a step apart on each leg, from its start to its end."""
+    positions, yaws, tilts = [], [], []
+    for leg in legs:
+        start, end = np.array(leg.start), np.array(leg.end)
+        count = max(2, math.ceil(math.dist(leg.start, leg.end) / step) + 1)
+        positions.append(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
+        ahead = math.atan2(end[1] - start[1], end[0] - start[0])
+        yaws.append(np.full(count, ahead + math.radians(leg.yaw)))
+        tilts.append(np.full(count, math.radians(leg.tilt)))
+    return Poses(np.concatenate(positions) + 0.0, np.concatenate(yaws), np.concatenate(tilts))

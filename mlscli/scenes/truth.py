@@ -1,0 +1,251 @@
+"""The exact truth: the map that a scene's surfaces are, without a point measured.
+
+Per cell, of the surfaces in one plane:
+
+- level or sloping ones are there where they cover at least half of the cell, with the heights of
+  the part they cover;
+- upright ones are there at the heights at which at least half a cell's side of them runs through
+  the cell: not in a window.
+
+What is there becomes patches by the rule for points, which all lie on the surfaces, evenly: linked
+by `gap_size`, horizontal or vertical by their spread. Texture, noise and the flight do not matter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+import mlscli
+from mlscli.cells import pack, unpack
+from mlscli.errors import InputError, UsageError
+from mlscli.patches import runs, upright
+from mlscli.scenes.footprints import Footprints, cells_spanned, footprints
+from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import Float64, Int64, UInt64
+
+MAX_CELLS = 50_000_000
+# Half, but for rounding: a wall in the middle of a cell that ends there counts.
+_HALF = 0.5 - 1e-6
+
+
+def truth(
+    scene: Scene, cell_size: float, gap_size: float, thickness: float, frame_id: str = "map"
+) -> SurfaceMap:
+    """Return the map that the surfaces of a scene are.
+
+    Parameters
+    ----------
+    scene : Scene
+    cell_size, gap_size, thickness : float
+        As in `SurfaceMap`.
+    frame_id : str
+        Name of the map frame.
+
+    Returns
+    -------
+    SurfaceMap
+        All patches measured, with a count of 1, by the one keyframe of a route that is not known.
+        ``meta["scene"]`` holds the surfaces, for `truth_from_meta`.
+
+    Raises
+    ------
+    UsageError
+        Where a length is out of range, or the cells are too many.
+    """
+    _check(scene, cell_size, gap_size, thickness)
+    flat, walls = footprints(scene.surfaces, cell_size)
+    keys, low, high, mean, variance, area = (
+        np.concatenate(pair)
+        for pair in zip(_covered(flat), _standing(walls, cell_size), strict=True)
+    )
+    order = np.lexsort((high, low, keys))
+    keys, low, high = keys[order], low[order], high[order]
+    start = _linked(runs(keys), low, high, gap_size)
+    first = start[:-1]
+    bottom, top = low[first], np.maximum.reduceat(high, first) if len(first) else high[:0]
+    average, spread = pool(start, area[order], mean[order], variance[order])
+    average = np.clip(average, bottom, top)
+    height, depth = upright(top, bottom, average, spread, thickness)
+    ix, iy = unpack(keys[first])
+    zeros = np.zeros(len(ix), dtype=np.int32)
+    return SurfaceMap(
+        cell_size,
+        gap_size,
+        thickness,
+        ix=ix,
+        iy=iy,
+        height=height + 0.0,
+        depth=depth + 0.0,
+        top=top + 0.0,
+        bottom=bottom + 0.0,
+        mean=average + 0.0,
+        variance=spread,
+        count=np.ones(len(ix), dtype=np.uint32),
+        origin=np.zeros(len(ix), dtype=np.uint8),
+        region=np.full(len(ix), -1, dtype=np.int32),
+        first_keyframe=zeros,
+        last_keyframe=zeros,
+        frame_id=frame_id,
+        route=np.full((1, 4), np.nan),
+        meta={
+            "program": f"mls {mlscli.__version__}",
+            "sources": [scene.name],
+            "scene": scene_to_json(scene),
+        },
+    ).sorted()
+
+
+def truth_from_meta(
+    meta: Mapping[str, Any], cell_size: float, gap_size: float, thickness: float
+) -> SurfaceMap:
+    """Return the truth of the scene that a truth map's meta holds, on another grid.
+
+    Raises
+    ------
+    InputError
+        Where the meta holds no scene.
+    UsageError
+        As `truth`.
+    """
+    try:
+        scene = scene_from_json(meta["scene"])
+        if not scene.surfaces:
+            raise ValueError("it has no surfaces")
+    except (KeyError, ValueError, OverflowError) as error:
+        raise InputError(f"meta: holds no scene as mls synth writes it: {error}") from None
+    return truth(scene, cell_size, gap_size, thickness)
+
+
+def _check(scene: Scene, cell_size: float, gap_size: float, thickness: float) -> None:
+    for name, length, least in (
+        ("cell size", cell_size, "above 0"),
+        ("gap size", gap_size, "of 0 or more"),
+        ("thickness", thickness, "of 0 or more"),
+    ):
+        if not math.isfinite(length) or length < 0 or (name == "cell size" and length == 0):
+            raise UsageError(f"the truth's {name} is {length:g}; expected a length {least}")
+    spanned = cells_spanned(scene.surfaces, cell_size)
+    farthest = max(abs(float(bound)) for bounds in scene.bounds for bound in bounds[:2])
+    if spanned > MAX_CELLS or farthest / cell_size >= 2**31 - 2:
+        raise UsageError(
+            f"the truth's cell size is {cell_size:g}, which makes {spanned:.3g} cells of "
+            f"{scene.name}; expected one that makes at most {MAX_CELLS}, all within int32"
+        )
+
+
+def _covered(parts: Footprints) -> tuple[UInt64, Float64, Float64, Float64, Float64, Float64]:
+    """Return cell, lowest, highest, mean, variance and area of what is covered.
+
+    Areas are in areas of cells, as they are and not as they seem from above.
+    """
+    order, start = _by_cell_and_plane(parts)
+    parts, first = parts.take(order), start[:-1]
+    keys = pack(parts.ix, parts.iy)[first]
+    if not len(first):
+        none = np.empty(0)
+        return keys, none, none, none, none, none
+    area = np.add.reduceat(parts.share, first)
+    low, high = np.minimum.reduceat(parts.low, first), np.maximum.reduceat(parts.high, first)
+    mean, variance = pool(start, parts.share, parts.mean, parts.variance)
+    there = area >= _HALF
+    return (
+        keys[there],
+        low[there],
+        high[there],
+        mean[there],
+        variance[there],
+        (np.minimum(area, 1.0) * parts.slant[first])[there],
+    )
+
+
+def _standing(
+    parts: Footprints, cell_size: float
+) -> tuple[UInt64, Float64, Float64, Float64, Float64, Float64]:
+    """Return the same of what stands."""
+    order, start = _by_cell_and_plane(parts)
+    parts = parts.take(order)
+    group, low, high, side = _stretches(start, parts.low, parts.high, parts.share)
+    keys = pack(parts.ix, parts.iy)[start[group]]
+    return keys, low, high, (low + high) / 2, (high - low) ** 2 / 12, side / cell_size
+
+
+def _by_cell_and_plane(parts: Footprints) -> tuple[Int64, Int64]:
+    """Return an order by cell and plane, and where each of their groups begins."""
+    keys = pack(parts.ix, parts.iy)
+    order = np.lexsort((parts.plane, keys))
+    _, number = np.unique(keys, return_inverse=True)
+    planes = int(parts.plane.max(initial=0)) + 1
+    return order, runs((number.reshape(-1) * planes + parts.plane)[order])
+
+
+def pool(
+    start: Int64, weight: Float64, mean: Float64, variance: Float64
+) -> tuple[Float64, Float64]:
+    """Return mean and variance of runs of parts, each weighing as much as it covers."""
+    if len(start) == 1:
+        return np.empty(0), np.empty(0)
+    first = start[:-1]
+    total = np.add.reduceat(weight, first)
+    pooled = np.add.reduceat(weight * mean, first) / total
+    apart = mean - np.repeat(pooled, np.diff(start))
+    return pooled, np.add.reduceat(weight * (variance + apart * apart), first) / total
+
+
+@njit(cache=True, nogil=True)
+def _linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
+    """Return where linked groups begin, and the end of the last, for ascending low ends."""
+    start = np.empty(len(low) + 1, dtype=np.int64)
+    groups = 0
+    for cell in range(len(cells) - 1):
+        reached = 0.0
+        for i in range(cells[cell], cells[cell + 1]):
+            if i == cells[cell] or low[i] - reached > gap_size:
+                start[groups] = i
+                groups += 1
+                reached = high[i]
+            reached = max(reached, high[i])
+    start[groups] = len(low)
+    return start[: groups + 1]
+
+
+@njit(cache=True, nogil=True)
+def _stretches(
+    start: Int64, low: Float64, high: Float64, share: Float64
+) -> tuple[Int64, Float64, Float64, Float64]:
+    """Return the heights at which the parts of each group are half a side long together.
+
+    Returns
+    -------
+    group, low, high, side : arrays (T,)
+        Of each stretch of heights: its group, its ends, and its area by sides of cells.
+    """
+    found = 0
+    group = np.empty(2 * len(low), dtype=np.int64)
+    ends = np.empty((3, 2 * len(low)))
+    for g in range(len(start) - 1):
+        begin, end = start[g], start[g + 1]
+        marks = np.sort(np.append(low[begin:end], high[begin:end]))
+        reaches = False
+        for m in range(len(marks) - 1):
+            bottom, top = marks[m], marks[m + 1]
+            if top == bottom:
+                continue
+            side = 0.0
+            for i in range(begin, end):
+                if low[i] <= bottom and high[i] >= top:
+                    side += share[i]
+            if side >= _HALF:
+                if not reaches:
+                    group[found] = g
+                    ends[0, found], ends[2, found] = bottom, 0.0
+                    found += 1
+                ends[1, found - 1] = top
+                ends[2, found - 1] += side * (top - bottom)
+            reaches = side >= _HALF
+    return group[:found], ends[0, :found], ends[1, :found], ends[2, :found]

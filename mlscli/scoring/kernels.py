@@ -1,0 +1,163 @@
+"""Patches of one map sought in another: which lie near in the grid, and how these lie in height."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mlscli.patches import distance
+from mlscli.typing import Bool, Float64, Int32, Int64
+
+
+@njit(cache=True, nogil=True)
+def nearby(ix: Int32, iy: Int32, other_ix: Int32, other_iy: Int32, reach: int) -> Int64:
+    """Return which of the other map's patches lie within `reach` cells, in x and in y.
+
+    Both maps' patches are in order of (ix, iy), so that those in cells of one x that follow one
+    another in y are a range.
+
+    Returns
+    -------
+    int64 (P, 2 reach + 1, 2)
+        For each patch and each x within reach of it, begin and end of a range of the others.
+    """
+    near = np.empty((len(ix), 2 * reach + 1, 2), dtype=np.int64)
+    for row in range(2 * reach + 1):
+        begin = end = 0
+        for i in range(len(ix)):
+            x, y = int(ix[i]) + row - reach, int(iy[i])
+            begin = _first_from(begin, other_ix, other_iy, x, y - reach)
+            end = _first_from(end, other_ix, other_iy, x, y + reach + 1)
+            near[i, row, 0], near[i, row, 1] = begin, end
+    return near
+
+
+@njit(cache=True, nogil=True)
+def _first_from(start: int, ix: Int32, iy: Int32, x: int, y: int) -> int:
+    """Return the first patch, from `start` on, whose cell does not come before (x, y)."""
+    i = start
+    while i < len(ix) and (ix[i] < x or (ix[i] == x and iy[i] < y)):
+        i += 1
+    return i
+
+
+@njit(cache=True, nogil=True)
+def covered(
+    low: Float64,
+    high: Float64,
+    near: Int64,
+    other_low: Float64,
+    other_high: Float64,
+    margin: float,
+) -> Bool:
+    """Tell which patches the others near them cover, each widened by `margin` up and down."""
+    result = np.empty(len(low), dtype=np.bool_)
+    for i in range(len(low)):
+        result[i] = _is_covered(low[i], high[i], near[i], other_low, other_high, margin)
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _is_covered(
+    low: float, high: float, near: Int64, other_low: Float64, other_high: Float64, margin: float
+) -> bool:
+    """Go down from `high` as far as the others reach, each widened; tell whether to `low`."""
+    here = high
+    lower = True
+    while lower:
+        lower = False
+        for row in range(len(near)):
+            for j in range(near[row, 0], near[row, 1]):
+                if distance(here, here, other_low[j], other_high[j]) <= margin:
+                    if other_low[j] - low <= margin:
+                        return True
+                    if other_low[j] - margin < here:
+                        here = other_low[j] - margin
+                        lower = True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def nearest(
+    height: Float64, near: Int64, other_low: Float64, other_high: Float64, farthest: float
+) -> Int64:
+    """Return for each height the nearest of the others in its cell; -1: none.
+
+    Of equally near ones it is the higher, then the later in the file.
+
+    Parameters
+    ----------
+    near : int64 (P, 1, 2)
+        As `nearby` returns it for a reach of 0.
+    farthest : float
+        Others farther from the height than this are none.
+    """
+    result = np.full(len(height), -1, dtype=np.int64)
+    for i in range(len(height)):
+        least = farthest
+        # Upper ends ascend in a cell: of two equally near ones the later is the higher.
+        for j in range(near[i, 0, 0], near[i, 0, 1]):
+            apart = distance(height[i], height[i], other_low[j], other_high[j])
+            if apart <= least:
+                result[i], least = j, apart
+    return result
+
+
+@njit(cache=True, nogil=True)
+def match(
+    height: Float64,
+    start: Int64,
+    other_height: Float64,
+    other_start: Int64,
+    cells: Int64,
+    other_cells: Int64,
+    farthest: float,
+) -> Int64:
+    """Match patches of two maps, one to one within a cell, by height.
+
+    Two patches match where each is the other's nearest (equal: the higher, then the later in the
+    file) among those not matched yet. Which map is the first makes no difference.
+
+    Parameters
+    ----------
+    start, other_start : int64
+        Where the patches of each cell begin.
+    cells, other_cells : int64 (S,)
+        The numbers, in either map, of the cells that both have.
+    farthest : float
+        Patches farther apart in height than this do not match.
+
+    Returns
+    -------
+    int64 (P,)
+        For each patch of the first map its match; -1: none.
+    """
+    matched = np.full(len(height), -1, dtype=np.int64)
+    other_matched = np.full(len(other_height), -1, dtype=np.int64)
+    for cell, other_cell in zip(cells, other_cells):  # noqa: B905  # numba knows no strict
+        begin, end = start[cell], start[cell + 1]
+        other_begin, other_end = other_start[other_cell], other_start[other_cell + 1]
+        more = True
+        while more:
+            more = False
+            for i in range(begin, end):
+                if matched[i] >= 0:
+                    continue
+                j = _nearest_free(other_begin, other_end, other_height, other_matched, height[i])
+                if j < 0 or abs(height[i] - other_height[j]) > farthest:
+                    continue
+                if _nearest_free(begin, end, height, matched, other_height[j]) == i:
+                    matched[i], other_matched[j] = j, i
+                    more = True
+    return matched
+
+
+@njit(cache=True, nogil=True)
+def _nearest_free(begin: int, end: int, height: Float64, matched: Int64, z: float) -> int:
+    """Return the patch of ``begin`` to ``end`` nearest to z that has no match; -1: none."""
+    free = -1
+    for j in range(begin, end):
+        # Heights ascend in a cell: of two equally near ones the later is the higher.
+        if matched[j] < 0 and (free < 0 or abs(height[j] - z) <= abs(height[free] - z)):
+            free = j
+    return free

@@ -1,0 +1,173 @@
+"""`mls compare`, as a user and a script run it.
+
+Ways to pass without being right: an exit status that is 1 for whatever goes wrong, so that a
+missing file passes for a difference, or 0 for whatever could be read.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mlscli.io.mapfile import read_map, write_map
+from mlscli.scenes.surfaces import Scene, add_horizontal
+from mlscli.scenes.truth import truth
+from mlscli.scoring import compare_maps, score
+from tests.maps import CELL, GAP, Patch, map_of
+from tests.program import mls
+
+FLOOR = [Patch(x, y, 0.0, 0.0, 0, 3) for x in range(4) for y in range(3)]
+DECK = [Patch(x, 1, 2.0, 0.0, 2, 0) for x in range(4)]
+LIFTED = [patch._replace(height=patch.height + 0.125) for patch in FLOOR]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder of maps: a bridge, one like it, its floor, and a floor a bit higher."""
+    write_map(tmp_path / "bridge.npz", map_of(FLOOR + DECK))
+    write_map(tmp_path / "same.npz", replace(map_of(FLOOR + DECK), meta={"sources": ["other"]}))
+    write_map(tmp_path / "floor.npz", map_of(FLOOR))
+    write_map(tmp_path / "lifted.npz", map_of(LIFTED))
+    write_map(tmp_path / "coarse.npz", map_of(FLOOR, cell_size=0.8))
+    (tmp_path / "broken.npz").write_bytes(b"PK no archive")
+    return tmp_path
+
+
+def test_maps_that_do_not_differ_end_with_0(folder: Path) -> None:
+    done = mls("compare", "bridge.npz", "same.npz", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[:2] == [
+        "bridge.npz and same.npz: identical",
+        "  patches     16 matched",
+    ]
+    assert done.stderr == ""
+
+
+def test_maps_that_differ_end_with_1_and_the_report_says_how(folder: Path) -> None:
+    done = mls("compare", "bridge.npz", "lifted.npz", cwd=folder)
+    assert done.returncode == 1
+    assert done.stderr == ""
+    lines = done.stdout.splitlines()
+    assert lines[0] == "bridge.npz and lifted.npz: differ"
+    assert "  patches     12 matched, 4 only in bridge.npz" in lines
+    assert (
+        "  heights     rmse 0.125, median 0.125, 95 % 0.125, maximum 0.125; "
+        "12 differ by more than 0" in lines
+    )
+    assert "  columns     differ in height of 12, top of 12, bottom of 12, mean of 12" in lines
+    assert "  artificial  4 only in bridge.npz" in lines
+
+
+@pytest.mark.parametrize(("tolerance", "status"), [("0.125", 0), ("0.124", 1), ("0", 1)])
+def test_the_tolerance_decides_what_passes_for_equal(
+    folder: Path, tolerance: str, status: int
+) -> None:
+    done = mls("compare", "floor.npz", "lifted.npz", "--tolerance", tolerance, cwd=folder)
+    assert done.returncode == status, done.stderr
+    assert ("equal within 0.125" in done.stdout) == (status == 0)
+
+
+def test_no_tolerance_lets_a_patch_go_missing(folder: Path) -> None:
+    assert mls("compare", "floor.npz", "bridge.npz", "--tolerance", 99, cwd=folder).returncode == 1
+
+
+def test_a_comparison_as_json_is_what_the_library_says(folder: Path) -> None:
+    done = mls("compare", "bridge.npz", "lifted.npz", "--tolerance", "0.1", "--json", cwd=folder)
+    assert done.returncode == 1
+    a, b = (read_map(folder / name) for name in ("bridge.npz", "lifted.npz"))
+    expected = {"a": "bridge.npz", "b": "lifted.npz", **compare_maps(a, b, 0.1).to_dict()}
+    assert json.loads(done.stdout) == expected
+
+
+def test_against_the_truth_the_report_tells_every_measure(folder: Path) -> None:
+    write_map(folder / "flight.npz", map_of(LIFTED[1:] + DECK))
+    done = mls("compare", "flight.npz", "--truth", "floor.npz", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        "flight.npz against floor.npz",
+        "  completeness          91.67 %: 11 of 12 true patches found; "
+        "horizontal 91.67 %, vertical -",
+        "  correctness           73.33 %: 11 of 15 patches on a true surface",
+        "  heights               rmse 0.125, bias 0.125, 95 % 0.125 in 11 patches",
+        "  false levels          4, 0.333333 for each true cell",
+        "  levels missed         1",
+        "  phantom closings      100.00 %: 4 of 4 inserted patches",
+        "  honest red            0.00 %: 0 of 4 artificial patches on a true surface",
+        "  flat called vertical  0.00 %: 0 of 12 flat true patches",
+        "  measured              91.67 % found by these alone, 100.00 % correct; "
+        "heights rmse 0.125, bias 0.125, 95 % 0.125 in 11 patches",
+        "  artificial            0.00 % found by these alone, 0.00 % correct; "
+        "heights none to compare",
+    ]
+
+
+def test_a_truth_that_knows_its_surfaces_is_made_anew_on_the_grid_of_the_map(folder: Path) -> None:
+    plain = add_horizontal(Scene("plain"), (1.0, 0.75, 0.0), (2.0, 1.5))
+    for cell_size, gap_size, thickness in ((0.3, GAP, 0.25), (CELL, 9.0, 0.25), (CELL, GAP, 0.1)):
+        surfaces = truth(plain, cell_size, gap_size, thickness)
+        write_map(folder / "plain.truth.npz", surfaces, overwrite=True)
+        done = mls("compare", "floor.npz", "--truth", "plain.truth.npz", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        assert "completeness          100.00 %: 12 of 12 true patches" in done.stdout
+        assert "correctness           100.00 %: 12 of 12 patches" in done.stdout
+
+
+def test_the_thickness_of_the_map_says_what_in_the_truth_is_a_wall(folder: Path) -> None:
+    # It rises by half a unit within a cell: no patch of thickness 0.25, one of thickness 1.
+    slope = add_horizontal(Scene("slope"), (1.0, 0.75, 0.0), (2.0, 1.5), grade=1.0)
+    write_map(folder / "slope.truth.npz", truth(slope, CELL, GAP, 1.0))
+    done = mls("compare", "floor.npz", "--truth", "slope.truth.npz", "--json", cwd=folder)
+    told = json.loads(done.stdout)["total"]
+    assert told["completeness_horizontal"]["of"] == 0
+    assert told["completeness_vertical"]["of"] == 12
+
+
+def test_a_truth_whose_surfaces_cannot_be_read_is_named(folder: Path) -> None:
+    for scene in (3, {"name": "x", "surfaces": [[1, 2]]}, None):
+        write_map(
+            folder / "odd.npz",
+            replace(map_of(FLOOR, gap_size=3.0), meta={"scene": scene}),
+            overwrite=True,
+        )
+        done = mls("compare", "floor.npz", "--truth", "odd.npz", cwd=folder)
+        assert done.returncode == 2
+        assert done.stderr.startswith("mls: odd.npz: meta: holds no scene")
+        assert done.stderr.count("\n") == 1
+
+
+def test_a_score_as_json_is_what_the_library_says(folder: Path) -> None:
+    done = mls("compare", "lifted.npz", "--truth", "bridge.npz", "--json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    surface, bridge = (read_map(folder / name) for name in ("lifted.npz", "bridge.npz"))
+    expected = {"map": "lifted.npz", "truth": "bridge.npz", **score(surface, bridge).to_dict()}
+    assert json.loads(done.stdout) == expected
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ("floor.npz missing.npz", "mls: missing.npz: no such file"),
+        ("missing.npz floor.npz", "mls: missing.npz: no such file"),
+        ("floor.npz --truth missing.npz", "mls: missing.npz: no such file"),
+        ("broken.npz floor.npz", "mls: broken.npz: is no map (.npz), or a damaged one"),
+        ("floor.npz", "mls: B: name either a second map, or the truth with --truth T"),
+        ("floor.npz floor.npz --truth floor.npz", "mls: B: name either a second map, or"),
+        ("floor.npz --truth floor.npz --tolerance 1", "mls: --tolerance: goes with two maps"),
+        ("floor.npz coarse.npz", "mls: floor.npz and coarse.npz: cell_size: is 0.5 in one map"),
+        ("floor.npz --truth coarse.npz", "mls: floor.npz and coarse.npz: cell_size: is 0.5"),
+        ("floor.npz floor.npz --tolerance -1", "tolerance: is -1.0; it must be a number"),
+        ("floor.npz floor.npz --tolerance nan", "tolerance: is nan; it must be a number"),
+        ("floor.npz floor.npz --tolerance x", "mls compare: Invalid value for '--tolerance'"),
+    ],
+)
+def test_what_cannot_be_compared_ends_with_2_and_one_line(
+    folder: Path, arguments: str, complaint: str
+) -> None:
+    done = mls("compare", *arguments.split(), cwd=folder)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert complaint in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,129 @@
+"""The definitions of the scores as plain loops over patches: slow, and obvious to read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mlscli.surface_map import SurfaceMap
+from tests.maps import GAP, Patch, map_of, patches_of
+from tests.references import apart
+
+
+def altered(rng: np.random.Generator, surface: SurfaceMap) -> SurfaceMap:
+    """Return a map like another, with patches moved, stretched, renamed, gone and new.
+
+    Heights in coarse steps stay so, and limits are met exactly; others meet none but by rounding,
+    on which the rules may differ, and so they are moved by odd lengths.
+    """
+    coarse = not np.any(surface.height * 4 % 1)
+    patches = []
+    for patch in patches_of(surface):
+        if rng.random() < 0.1:
+            continue
+        steps = [0, 0, 0.25, -0.25, 0.125, 1] if coarse else [0, rng.normal(0, 0.2), 1.01]
+        height = patch.height + rng.choice(steps)
+        depth = max(0.0, patch.depth + rng.choice([0, 0, 0.5, -0.5, -5]))
+        origin = int(rng.choice([patch.origin, patch.origin, 0, 1, 2]))
+        ix, iy = patch.cell + rng.choice([0, 0, 0, 0, 1, -1, 2], 2)
+        count = 0 if origin else max(patch.count, 1)
+        patches.append(Patch(int(ix), int(iy), float(height), float(depth), origin, count))
+        if rng.random() < 0.2:
+            above = rng.choice([0, 0.5, 1]) if coarse else rng.uniform(0, 1)
+            patches.append(patches[-1]._replace(height=float(height + above)))
+    return map_of(patches)
+
+
+# --- statistics ---
+
+
+def root_mean_square(values: Sequence[float]) -> float | None:
+    return math.sqrt(math.fsum(v * v for v in values) / len(values)) if values else None
+
+
+def percentile_95(values: Sequence[float]) -> float | None:
+    """Return the value that 95 % do not exceed, on a straight line between the two at that."""
+    if not values:
+        return None
+    ascending = sorted(map(abs, values))
+    place = 0.95 * (len(values) - 1)
+    lower = math.floor(place)
+    upper = min(lower + 1, len(values) - 1)
+    return ascending[lower] + (place - lower) * (ascending[upper] - ascending[lower])
+
+
+# --- two maps ---
+
+
+def pairs(a: list[Patch], b: list[Patch], farthest: float = GAP) -> list[tuple[int, int]]:
+    """Return the patches that match: the nearest two (equal: the higher), then of the rest."""
+    candidates = [
+        (abs(one.height - two.height), -one.height, -two.height, -i, -j)
+        for i, one in enumerate(a)
+        for j, two in enumerate(b)
+        if one.cell == two.cell and abs(one.height - two.height) <= farthest
+    ]
+    in_a: set[int] = set()
+    in_b: set[int] = set()
+    result = []
+    for *_, minus_i, minus_j in sorted(candidates):
+        i, j = int(-minus_i), int(-minus_j)
+        if i not in in_a and j not in in_b:
+            in_a.add(i)
+            in_b.add(j)
+            result.append((i, j))
+    return sorted(result)
+
+
+# --- a map against the truth ---
+
+
+def on_a_surface(patch: Patch, surfaces: list[Patch], half: float) -> bool:
+    """Tell whether a patch lies within half a cell of the surfaces, a vertical one all of it."""
+    if patch.depth == 0:
+        return any(apart(patch, surface) <= half for surface in surfaces)
+    joined: list[list[float]] = []
+    for low, high in sorted((s.low - half, s.height + half) for s in surfaces):
+        if joined and low <= joined[-1][1]:
+            joined[-1][1] = max(joined[-1][1], high)
+        else:
+            joined.append([low, high])
+    return any(low <= patch.low and patch.height <= high for low, high in joined)
+
+
+def found(true: Patch, patches: list[Patch], half: float) -> bool:
+    return on_a_surface(true, [p for p in patches if p.cell == true.cell], half)
+
+
+def correct(patch: Patch, truth: list[Patch], half: float) -> bool:
+    around = [
+        true for true in truth if abs(true.ix - patch.ix) <= 1 and abs(true.iy - patch.iy) <= 1
+    ]
+    return on_a_surface(patch, around, half)
+
+
+def nearest(true: Patch, patches: list[Patch], half: float) -> Patch | None:
+    """Return the nearest patch of the cell within half; equal: the higher, then the later."""
+    near = [p for p in reversed(patches) if p.cell == true.cell and apart(p, true) <= half]
+    return min(near, key=lambda p: (apart(p, true), -p.height), default=None)
+
+
+def height_errors(truth: list[Patch], patches: list[Patch], half: float) -> list[float]:
+    errors = []
+    for true in truth:
+        match = nearest(true, [p for p in patches if p.depth == 0], half)
+        if true.depth == 0 and match is not None:
+            errors.append(match.height - true.height)
+    return errors
+
+
+def called_vertical(true: Patch, patches: list[Patch], half: float) -> bool:
+    match = nearest(true, patches, half)
+    return match is not None and match.depth > 0
+
+
+def share(chosen: Callable[[Patch], bool], patches: list[Patch]) -> tuple[int, int]:
+    """Return how many of the patches are chosen, and how many there are."""
+    return sum(map(chosen, patches)), len(patches)
