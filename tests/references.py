@@ -28,10 +28,14 @@ def cells(length: float, cell_size: float) -> int:
 # --- points ---
 
 
-def median(points: Points, nb_radius: float, max_nb: int, min_nb: int) -> list[tuple[Point, int]]:
+def median(
+    points: Points, nb_radius: float, max_nb: int, min_nb: int, recentre: float = 0.0
+) -> list[tuple[Point, int]]:
     rows = [tuple(row) for row in points.xyz.tolist()]
-    result = []
-    for i, (x, y, z) in enumerate(rows):
+
+    def neighbours(i: int, z: float) -> list[float]:
+        """Return the heights that count for point i if it were at height z."""
+        x, y, _ = rows[i]
         near = []
         for j, (ox, oy, oz) in enumerate(rows):
             dx, dy, dz = ox - x, oy - y, oz - z
@@ -39,12 +43,18 @@ def median(points: Points, nb_radius: float, max_nb: int, min_nb: int) -> list[t
             if i != j and squared <= nb_radius * nb_radius:
                 near.append((squared, oz))
         near.sort()
-        if max_nb:
-            near = near[:max_nb]
-        if len(near) < min_nb:
+        return [oz for _, oz in (near[:max_nb] if max_nb else near)]
+
+    result = []
+    for i, (x, y, z) in enumerate(rows):
+        if len(neighbours(i, z)) < min_nb:
             continue
-        heights = sorted([z, *(oz for _, oz in near)])
-        result.append(((x, y, heights[len(heights) // 2]), int(points.keyframe[i])))
+        heights = sorted([z, *neighbours(i, z)])
+        middle = heights[len(heights) // 2]
+        if 0 < recentre < abs(middle - z):
+            heights = sorted([middle, *neighbours(i, middle)])
+            middle = heights[len(heights) // 2]
+        result.append(((x, y, middle), int(points.keyframe[i])))
     return result
 
 

@@ -6,6 +6,10 @@ fewer than `min_nb` is dropped as an outlier. Otherwise its z becomes the elemen
 ``n // 2`` of the n sorted heights of the point and its neighbours: always a height that was
 measured, never the mean of two, which could invent a level between a bridge and its ground.
 
+An outlier has its neighbours on one side, on the near half of a noisy surface, and ends up above
+or below it. With `recentre`, a point whose height moves by more than that takes the median once
+more, of its new height and of the neighbours that it has there.
+
 Points are sorted into square columns a little wider than the radius, and by height in each. For
 the points of one column, ascending, the window of heights that can be near moves on in each of
 the nine columns around: each point is compared with few others, in the order of memory.
@@ -38,7 +42,14 @@ class Median(PointStage):
 
     nb_radius: Length = parameter(Cells(3), "radius in which neighbours are sought, in 3D", above=0)
     max_nb: int = parameter(16, "most neighbours that count, the nearest first; 0: all", low=0)
-    min_nb: int = parameter(4, "a point with fewer neighbours is dropped as an outlier", low=0)
+    min_nb: int = parameter(8, "a point with fewer neighbours is dropped as an outlier", low=0)
+
+    recentre: Length = parameter(
+        0,
+        "a point whose height moves farther looks for neighbours again from its new height; "
+        "0: never",
+        low=0,
+    )
 
     def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
         """Yield a fault where no point could ever have enough neighbours."""
@@ -69,7 +80,7 @@ class Median(PointStage):
         def filter_columns(begin: int, end: int) -> None:
             _filter(
                 sorted_xyz, columns, start, begin, end, radius, self.max_nb, self.min_nb,
-                median, stays,
+                in_units(self.recentre, cell_size), median, stays,
             )  # fmt: skip
 
         in_ranges(len(columns), filter_columns, told and (lambda done: told(int(start[done]))))
@@ -99,6 +110,7 @@ def _filter(
     radius: float,
     max_nb: int,
     min_nb: int,
+    recentre: float,
     median: Float64,
     stays: Bool,
 ) -> None:
@@ -106,9 +118,10 @@ def _filter(
     limit = radius * radius
     squared = np.empty(64)
     heights = np.empty(64)
+    first = np.empty(9, dtype=np.int64)
+    last = np.empty(9, dtype=np.int64)
     low = np.empty(9, dtype=np.int64)
     high = np.empty(9, dtype=np.int64)
-    last = np.empty(9, dtype=np.int64)
     for column in range(begin, end):
         around = 0
         for dx in (-1, 0, 1):
@@ -116,43 +129,82 @@ def _filter(
             key = columns[column] + np.uint64(np.int64(dx) << 32)
             there = np.searchsorted(columns, key - np.uint64(1))
             while there < len(columns) and columns[there] <= key + np.uint64(1):
-                low[around] = high[around] = start[there]
-                last[around] = start[there + 1]
+                first[around], last[around] = start[there], start[there + 1]
                 around += 1
                 there += 1
+        low[:around] = high[:around] = first[:around]
         for i in range(start[column], start[column + 1]):
             z = xyz[i, 2]
-            n = 0
             for c in range(around):
-                while (
-                    low[c] < last[c] and xyz[low[c], 2] < z and _squared(xyz[low[c], 2] - z) > limit
-                ):
-                    low[c] += 1
-                high[c] = max(high[c], low[c])
-                while high[c] < last[c] and (
-                    xyz[high[c], 2] <= z or _squared(xyz[high[c], 2] - z) <= limit
-                ):
-                    high[c] += 1
-                for j in range(low[c], high[c]):
-                    dx = xyz[j, 0] - xyz[i, 0]
-                    dy = xyz[j, 1] - xyz[i, 1]
-                    dz = xyz[j, 2] - z
-                    apart = (dx * dx + dy * dy) + dz * dz
-                    if apart <= limit and j != i:
-                        if n == len(squared):
-                            squared, heights = _doubled(squared), _doubled(heights)
-                        squared[n], heights[n] = apart, xyz[j, 2]
-                        n += 1
+                low[c], high[c] = _window(xyz, low[c], high[c], last[c], z, limit)
+            squared, heights, n = _gather(xyz, i, z, low, high, around, limit, squared, heights)
             stays[i] = n >= min_nb
-            median[i] = z
-            if stays[i]:
-                if 0 < max_nb < n:
-                    _keep_nearest(squared, heights, n, max_nb)
-                    n = max_nb
-                if n == len(heights):
+            median[i] = _median(z, squared, heights, n, max_nb)
+            if stays[i] and 0 < recentre < abs(median[i] - z):
+                # Far from its surface a point sees the near side of it only: look from there.
+                z = median[i]
+                again = np.empty(9, dtype=np.int64)
+                until = np.empty(9, dtype=np.int64)
+                for c in range(around):
+                    again[c], until[c] = _window(xyz, first[c], first[c], last[c], z, limit)
+                squared, heights, n = _gather(
+                    xyz, i, z, again, until, around, limit, squared, heights
+                )
+                median[i] = _median(z, squared, heights, n, max_nb)
+
+
+@njit(cache=True, nogil=True)
+def _window(
+    xyz: Float64, low: int, high: int, last: int, z: float, limit: float
+) -> tuple[int, int]:
+    """Move a window of a column up to the heights that are near enough to z."""
+    while low < last and xyz[low, 2] < z and _squared(xyz[low, 2] - z) > limit:
+        low += 1
+    high = max(high, low)
+    while high < last and (xyz[high, 2] <= z or _squared(xyz[high, 2] - z) <= limit):
+        high += 1
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    xyz: Float64,
+    i: int,
+    z: float,
+    low: Int64,
+    high: Int64,
+    around: int,
+    limit: float,
+    squared: Float64,
+    heights: Float64,
+) -> tuple[Float64, Float64, int]:
+    """Collect the neighbours of point i, if it were at height z: squared distances and heights.
+
+    The buffers are returned, for they may have grown; there is room for one more.
+    """
+    n = 0
+    for c in range(around):
+        for j in range(low[c], high[c]):
+            dx = xyz[j, 0] - xyz[i, 0]
+            dy = xyz[j, 1] - xyz[i, 1]
+            dz = xyz[j, 2] - z
+            apart = (dx * dx + dy * dy) + dz * dz
+            if apart <= limit and j != i:
+                squared[n], heights[n] = apart, xyz[j, 2]
+                n += 1
+                if n == len(squared):
                     squared, heights = _doubled(squared), _doubled(heights)
-                heights[n] = z
-                median[i] = _nth(heights, n + 1, (n + 1) // 2)
+    return squared, heights, n
+
+
+@njit(cache=True, nogil=True)
+def _median(z: float, squared: Float64, heights: Float64, n: int, max_nb: int) -> float:
+    """Return the median of z and of the nearest of n heights, at most `max_nb` of them."""
+    if 0 < max_nb < n:
+        _keep_nearest(squared, heights, n, max_nb)
+        n = max_nb
+    heights[n] = z
+    return _nth(heights, n + 1, (n + 1) // 2)
 
 
 @njit(cache=True, nogil=True)

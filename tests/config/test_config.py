@@ -42,14 +42,14 @@ from mlscli.pipeline.stage import PointStage, Stage
 from mlscli.pipeline.walls import Walls
 
 
-def test_the_starting_values_are_those_of_the_contract() -> None:
+def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -> None:
     assert Parameters() == Parameters(
         mode="consistent",
         vehicle=Vehicle(width=Cells(1), height=Cells(3)),
         map=MapParameters(cell_size="auto", gap_size=Cells(3), thickness=Cells(1)),
         batch=BatchParameters(min_points=80),
         pipeline=(
-            Median(nb_radius=Cells(3), max_nb=16, min_nb=4),
+            Median(nb_radius=Cells(3), max_nb=16, min_nb=8),
             Orphans(horizontal=Cells(2), vertical=Cells(2), min_neighbours=1),
             Walls(height_thresh=0.5, max_gap=Cells(1), max_gap_enhanced=Cells(5)),
             Plaster(

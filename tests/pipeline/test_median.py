@@ -24,19 +24,22 @@ def rows(points: Points) -> list[tuple[tuple[float, float, float], int]]:
 
 def test_the_filter_agrees_with_its_rule_read_plainly() -> None:
     rng = np.random.default_rng(1)
-    limited = dropped = 0
+    limited = dropped = moved = 0
     for _ in range(300):
         points = random_points(rng)
         radius = float(rng.choice([0.25, 0.5, 0.8, 1.0]))
         most = int(rng.choice([0, 1, 4, 7, 100]))
         least = int(rng.integers(0, (most or 6) + 1))
-        result = Median(radius, most, least).apply(points, 0.5)
-        expected = references.median(points, radius, most, least)
+        again = float(rng.choice([0, 0.05, 0.1, 0.3]))
+        result = Median(radius, most, least, again).apply(points, 0.5)
+        expected = references.median(points, radius, most, least, again)
         assert rows(result) == expected
         dropped += len(expected) < points.size
-        limited += expected != references.median(points, radius, 0, least)
+        limited += expected != references.median(points, radius, 0, least, again)
+        moved += expected != references.median(points, radius, most, least)
     assert dropped > 100
     assert limited > 50
+    assert moved > 20
 
 
 def test_of_equally_distant_neighbours_the_lower_count() -> None:
@@ -47,6 +50,18 @@ def test_of_equally_distant_neighbours_the_lower_count() -> None:
     assert Median(1.0, 2, 1).apply(points, 1.0).xyz[0, 2] == 4.2
     # All: 4, 4.2, 5, 6, of which index 4 // 2 is the third.
     assert Median(1.0, 0, 1).apply(points, 1.0).xyz[0, 2] == 5.0
+
+
+def test_an_outlier_that_looks_again_comes_nearer_to_its_surface() -> None:
+    rng = np.random.default_rng(6)
+    floor = np.c_[rng.uniform(0, 4, (600, 2)), rng.normal(0, 0.1, 600)]
+    outliers = np.c_[rng.uniform(1, 3, (20, 2)), rng.uniform(0.4, 0.8, 20)]
+    points = Points(np.concatenate((floor, outliers)), np.zeros(620, dtype=np.int32))
+    once, again = (
+        Median(1.0, 16, 4, recentre).apply(points, 0.5).xyz[600:, 2] for recentre in (0, 0.2)
+    )
+    assert np.mean(once) > 0.08
+    assert abs(np.mean(again)) < np.mean(once) / 2
 
 
 def test_a_median_is_always_a_height_that_was_measured() -> None:
