@@ -119,7 +119,7 @@ class Field:
 
 
 def fields_of(owner: type) -> dict[str, Field]:
-    """Return the parameters that a dataclass declares, by name, its own before inherited ones."""
+    """Return the parameters of a dataclass by name, its own before those that it inherits."""
     if owner not in _FIELDS:
         _FIELDS[owner] = _declared(owner)
     return _FIELDS[owner]
@@ -127,10 +127,13 @@ def fields_of(owner: type) -> dict[str, Field]:
 
 def _declared(owner: type) -> dict[str, Field]:
     hints = get_type_hints(owner)
-    own = get_annotations(owner)
+
+    def generation(name: str) -> int:
+        return next(n for n, base in enumerate(owner.__mro__) if name in get_annotations(base))
+
     return {
         item.name: _field(item.name, item.default, hints[item.name], item.metadata)
-        for item in sorted(fields(owner), key=lambda item: item.name not in own)
+        for item in sorted(fields(owner), key=lambda item: generation(item.name))
         if "help" in item.metadata
     }
 

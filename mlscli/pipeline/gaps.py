@@ -8,17 +8,62 @@ of the grid first, then, with x and y swapped, its rows. Both directions read th
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from mlscli.cells import pack, unpack
-from mlscli.parameters import Length, comparable, in_units, whole_cells
+from mlscli.parameters import Cells, Length, comparable, in_units, parameter, whole_cells
 from mlscli.patches import distance, runs, within_gap
-from mlscli.pipeline.stage import Fault
+from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt8
+
+
+@dataclass(frozen=True)
+class GapStage(MapStage):
+    """A stage that closes gaps in two passes: up to `max_gap`, then up to `max_gap_enhanced`."""
+
+    max_gap: Length = parameter(
+        Cells(1),
+        "widest gap that is surely closed; its patches are plastered",
+        low=0,
+        default_from="vehicle.width",
+    )
+    max_gap_enhanced: Length = parameter(
+        Cells(5),
+        "widest gap that is closed at all; patches in gaps wider than max_gap are artificial; "
+        "0: no second pass",
+        low=0,
+    )
+
+    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:
+        """Yield a fault where the second pass would close less than the first."""
+        yield from super().faults(cell_size, gap_size)
+        widths = self.max_gap, self.max_gap_enhanced
+        if in_units(self.max_gap_enhanced, 1.0) == 0 or (
+            cell_size is None and not comparable(*widths)
+        ):
+            return
+        first, second = (in_units(width, cell_size or 1.0) for width in widths)
+        if second < first:
+            yield Fault(
+                "max_gap_enhanced",
+                f"{self.max_gap_enhanced} is less than max_gap ({self.max_gap}); at least that, "
+                "or 0 for none",
+            )
+
+    def reach(self, cell_size: float) -> int:
+        """Return the widths of both passes in whole cells."""
+        return whole_cells(self.max_gap, cell_size) + whole_cells(self.max_gap_enhanced, cell_size)
+
+    def passes(self) -> Iterator[Widths]:
+        """Yield the widths of pass one, and of pass two where there is one."""
+        yield Widths(self.max_gap, self.max_gap)
+        if in_units(self.max_gap_enhanced, 1.0) > 0:
+            yield Widths(self.max_gap, self.max_gap_enhanced)
 
 
 class Intervals(NamedTuple):
@@ -68,13 +113,6 @@ class Widths(NamedTuple):
 
     certain: Length
     allowed: Length
-
-
-def passes(max_gap: Length, max_gap_enhanced: Length) -> Iterator[Widths]:
-    """Yield the widths of pass one, and of pass two where there is one."""
-    yield Widths(max_gap, max_gap)
-    if in_units(max_gap_enhanced, 1.0) > 0:
-        yield Widths(max_gap, max_gap_enhanced)
 
 
 def close_gaps(
@@ -248,20 +286,3 @@ def _from_above(keys: Array, low: Float64, high: Float64, gap_size: float) -> Bo
             stays[i] = True
             last = i
     return stays
-
-
-def gap_faults(
-    max_gap: Length, max_gap_enhanced: Length, cell_size: float | None
-) -> Iterator[Fault]:
-    """Yield a fault where the second pass would close less than the first."""
-    if in_units(max_gap_enhanced, 1.0) == 0:
-        return
-    widths = (max_gap, max_gap_enhanced)
-    if cell_size is None and not comparable(*widths):
-        return
-    first, second = (in_units(width, cell_size or 1.0) for width in widths)
-    if second < first:
-        yield Fault(
-            "max_gap_enhanced",
-            f"{max_gap_enhanced} is less than max_gap ({max_gap}); at least that, or 0 for none",
-        )

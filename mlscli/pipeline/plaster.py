@@ -14,18 +14,16 @@ read the same input and the higher patch stays, as its section 6.3 proposes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
-from mlscli.pipeline.gaps import Intervals, close_gaps, gap_faults, passes, settle
-from mlscli.pipeline.stage import Fault, MapStage
+from mlscli.parameters import Cells, Length, in_units, parameter
+from mlscli.pipeline.gaps import GapStage, Intervals, close_gaps, settle
 from mlscli.surface_map import SurfaceMap
 
 
 @dataclass(frozen=True)
-class Plaster(MapStage):
+class Plaster(GapStage):
     """Close gaps between patches along x and y."""
 
     name: ClassVar[str] = "plaster"
@@ -36,33 +34,12 @@ class Plaster(MapStage):
     height_clearance: Length = parameter(
         Cells(0.5), "height difference that is allowed besides the slope", low=0
     )
-    max_gap: Length = parameter(
-        Cells(1),
-        "widest gap that is surely closed; its patches are plastered",
-        low=0,
-        default_from="vehicle.width",
-    )
-    max_gap_enhanced: Length = parameter(
-        Cells(5),
-        "widest gap that is closed at all; patches in gaps wider than max_gap are artificial; "
-        "0: no second pass",
-        low=0,
-    )
-
-    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:
-        """Yield a fault where the second pass would close less than the first."""
-        yield from super().faults(cell_size, gap_size)
-        yield from gap_faults(self.max_gap, self.max_gap_enhanced, cell_size)
-
-    def reach(self, cell_size: float) -> int:
-        """Return the widths of both passes in whole cells."""
-        return whole_cells(self.max_gap, cell_size) + whole_cells(self.max_gap_enhanced, cell_size)
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with its gaps closed."""
         cell_size = surface.cell_size
         clearance = in_units(self.height_clearance, cell_size)
-        for widths in passes(self.max_gap, self.max_gap_enhanced):
+        for widths in self.passes():
             heights = Intervals(surface.ix, surface.iy, surface.height, surface.height)
             closing = close_gaps(heights, widths, cell_size, self.height_thresh, clearance)
             surface = surface.with_inserted(*settle(closing, surface))

@@ -11,28 +11,25 @@ no gap there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
+from mlscli.parameters import in_units, parameter
 from mlscli.pipeline.gaps import (
+    GapStage,
     Inserted,
     Intervals,
     Widths,
     close_gaps,
-    gap_faults,
-    passes,
     settle,
 )
-from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 
 
 @dataclass(frozen=True)
-class Walls(MapStage):
+class Walls(GapStage):
     """Close gaps between vertical patches, along x and y and within a cell."""
 
     name: ClassVar[str] = "walls"
@@ -40,32 +37,11 @@ class Walls(MapStage):
     height_thresh: float = parameter(
         0.5, "greatest vertical distance of two wall patches over their horizontal distance", low=0
     )
-    max_gap: Length = parameter(
-        Cells(1),
-        "widest gap that is surely closed; its patches are plastered",
-        low=0,
-        default_from="vehicle.width",
-    )
-    max_gap_enhanced: Length = parameter(
-        Cells(5),
-        "widest gap that is closed at all; patches in gaps wider than max_gap are artificial; "
-        "0: no second pass",
-        low=0,
-    )
-
-    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:
-        """Yield a fault where the second pass would close less than the first."""
-        yield from super().faults(cell_size, gap_size)
-        yield from gap_faults(self.max_gap, self.max_gap_enhanced, cell_size)
-
-    def reach(self, cell_size: float) -> int:
-        """Return the widths of both passes in whole cells."""
-        return whole_cells(self.max_gap, cell_size) + whole_cells(self.max_gap_enhanced, cell_size)
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the gaps in its walls closed."""
         cell_size = surface.cell_size
-        for widths in passes(self.max_gap, self.max_gap_enhanced):
+        for widths in self.passes():
             upright = surface.take(surface.depth > 0)
             intervals = Intervals(upright.ix, upright.iy, upright.low_end, upright.height)
             columns = close_gaps(intervals, widths, cell_size, self.height_thresh, 0.0)
