@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from mlscli.cells import pack
-from mlscli.patches import distance, runs, upright, within_gap
+from mlscli.patches import distance, linked, runs, upright, within_gap
 from mlscli.surface_map import MEASURED, SurfaceMap
 from mlscli.typing import Array, Bool, Float64, Int64
 
@@ -72,7 +72,7 @@ def link(one: SurfaceMap, other: SurfaceMap) -> tuple[SurfaceMap, Bool, Bool]:
     both = {name: column[order] for name, column in both.items()}
     is_other = is_other[order]
     cells = runs(pack(both["ix"], both["iy"]))
-    start = _linked(cells, both["bottom"], both["top"], one.gap_size)
+    start = linked(cells, both["bottom"], both["top"], one.gap_size)
     first = start[:-1]
     merged: dict[str, Any] = {name: column[first] for name, column in both.items()}
     top, mean, variance, count = _chan(
@@ -97,24 +97,6 @@ def link(one: SurfaceMap, other: SurfaceMap) -> tuple[SurfaceMap, Bool, Bool]:
         from_other = from_one = np.zeros(0, dtype=np.bool_)
     # Groups of a cell are disjoint: in this order they are sorted by height, too.
     return replace(one, **merged), from_one, from_other
-
-
-@njit(cache=True, nogil=True)
-def _linked(cells: Int64, bottom: Float64, top: Float64, gap_size: float) -> Int64:
-    """Return where linked groups begin, and the end of the last, for ascending bottoms."""
-    start = np.empty(len(bottom) + 1, dtype=np.int64)
-    groups = 0
-    for cell in range(len(cells) - 1):
-        reached = 0.0
-        for i in range(cells[cell], cells[cell + 1]):
-            if i == cells[cell] or bottom[i] - reached > gap_size:
-                start[groups] = i
-                groups += 1
-                reached = top[i]
-            else:
-                reached = max(reached, top[i])
-    start[groups] = len(bottom)
-    return start[: groups + 1]
 
 
 @njit(cache=True, nogil=True)

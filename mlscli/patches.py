@@ -30,6 +30,34 @@ def upright(
 
 
 @njit(cache=True, nogil=True)
+def linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
+    """Return where groups begin, and the end of the last: single linkage of intervals.
+
+    Parameters
+    ----------
+    cells : int64 (C + 1,)
+        Where the intervals of each cell begin, and the end of the last.
+    low, high : float64 (P,)
+        Ends of the intervals, the low ones ascending in each cell.
+    gap_size : float
+        Intervals farther apart are not linked.
+    """
+    start = np.empty(len(low) + 1, dtype=np.int64)
+    groups = 0
+    for cell in range(len(cells) - 1):
+        reached = 0.0
+        for i in range(cells[cell], cells[cell + 1]):
+            if i == cells[cell] or low[i] - reached > gap_size:
+                start[groups] = i
+                groups += 1
+                reached = high[i]
+            else:
+                reached = max(reached, high[i])
+    start[groups] = len(low)
+    return start[: groups + 1]
+
+
+@njit(cache=True, nogil=True)
 def distance(low: float, high: float, other_low: float, other_high: float) -> float:
     """Return how far apart two intervals are; 0 where they overlap."""
     return max(0.0, max(low - other_high, other_low - high))

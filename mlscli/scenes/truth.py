@@ -23,7 +23,7 @@ from numba import njit
 import mlscli
 from mlscli.cells import pack, unpack
 from mlscli.errors import InputError, UsageError
-from mlscli.patches import runs, upright
+from mlscli.patches import linked, runs, upright
 from mlscli.scenes.footprints import Footprints, cells_spanned, footprints
 from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
 from mlscli.surface_map import SurfaceMap
@@ -66,7 +66,7 @@ def truth(
     )
     order = np.lexsort((high, low, keys))
     keys, low, high = keys[order], low[order], high[order]
-    start = _linked(runs(keys), low, high, gap_size)
+    start = linked(runs(keys), low, high, gap_size)
     first = start[:-1]
     bottom, top = low[first], np.maximum.reduceat(high, first) if len(first) else high[:0]
     average, spread = pool(start, area[order], mean[order], variance[order])
@@ -195,23 +195,6 @@ def pool(
     pooled = np.add.reduceat(weight * mean, first) / total
     apart = mean - np.repeat(pooled, np.diff(start))
     return pooled, np.add.reduceat(weight * (variance + apart * apart), first) / total
-
-
-@njit(cache=True, nogil=True)
-def _linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
-    """Return where linked groups begin, and the end of the last, for ascending low ends."""
-    start = np.empty(len(low) + 1, dtype=np.int64)
-    groups = 0
-    for cell in range(len(cells) - 1):
-        reached = 0.0
-        for i in range(cells[cell], cells[cell + 1]):
-            if i == cells[cell] or low[i] - reached > gap_size:
-                start[groups] = i
-                groups += 1
-                reached = high[i]
-            reached = max(reached, high[i])
-    start[groups] = len(low)
-    return start[: groups + 1]
 
 
 @njit(cache=True, nogil=True)
