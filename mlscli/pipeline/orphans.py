@@ -40,11 +40,15 @@ class Orphans(MapStage):
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map without its orphans."""
+        # A box need not be wider than the map.
+        columns = surface.cells.ix.astype(np.int64)
+        widest = int(columns[-1] - columns[0]) if len(columns) else 0
         stays = _with_neighbours(
             *surface.cells,
             surface.low_end,
             surface.height,
-            whole_cells(self.horizontal, surface.cell_size),
+            min(self.reach(surface.cell_size), widest),
+            self.reach(surface.cell_size),
             in_units(self.vertical, surface.cell_size),
             self.min_neighbours,
         )
@@ -58,32 +62,33 @@ def _with_neighbours(
     start: Int64,
     low: Float64,
     high: Float64,
-    horizontal: int,
+    half_x: int,
+    half_y: int,
     vertical: float,
     min_neighbours: int,
 ) -> Bool:
     """Tell which patches have enough others in their box."""
     stays = np.zeros(len(low), dtype=np.bool_)
     # For each column of the box, its first cell: it only moves on, as the cells are in order.
-    first = np.zeros(2 * horizontal + 1, dtype=np.int64)
+    first = np.zeros(2 * half_x + 1, dtype=np.int64)
     for cell in range(len(ix)):
-        for column in range(2 * horizontal + 1):
-            x = np.int64(ix[cell]) + column - horizontal
-            y = np.int64(iy[cell]) - horizontal
+        for column in range(2 * half_x + 1):
+            x = np.int64(ix[cell]) + column - half_x
+            y = np.int64(iy[cell]) - half_y
             at = first[column]
             while at < len(ix) and (ix[at] < x or (ix[at] == x and iy[at] < y)):
                 at += 1
             first[column] = at
         for i in range(start[cell], start[cell + 1]):
             neighbours = -1  # The patch itself lies in its box, too.
-            for column in range(2 * horizontal + 1):
-                x = np.int64(ix[cell]) + column - horizontal
+            for column in range(2 * half_x + 1):
+                x = np.int64(ix[cell]) + column - half_x
                 there = first[column]
                 while (
                     neighbours < min_neighbours
                     and there < len(ix)
                     and ix[there] == x
-                    and iy[there] <= np.int64(iy[cell]) + horizontal
+                    and iy[there] <= np.int64(iy[cell]) + half_y
                 ):
                     for j in range(start[there], start[there + 1]):
                         if distance(low[i], high[i], low[j], high[j]) <= vertical:

@@ -176,6 +176,15 @@ def test_lengths_in_cells_and_in_units_are_the_same() -> None:
     assert in_cells.apply(surface) == in_units.apply(surface)
 
 
+def test_lengths_without_bound_reach_over_the_whole_map_and_no_farther() -> None:
+    surface = random_map(np.random.default_rng(9), fill=0.9)
+    anywhere = Orphans(horizontal=1e300, vertical=1e300, min_neighbours=surface.size - 1)
+    assert anywhere.apply(surface) == surface
+    assert replace(anywhere, min_neighbours=surface.size).apply(surface).size == 0
+    for stage in (Plaster(max_gap=1e300, max_gap_enhanced=1e300), Walls(max_gap=1e300)):
+        stage.apply(surface).check()
+
+
 def test_plaster_closes_the_gap_beside_a_bridge_higher_not_along_one_axis() -> None:
     # The thesis's figure 6.10: a cell between ground (along x) and bridge (along y).
     ground = [Patch(x, 0, 0.0, 0.0, 0, 5) for x in (-1, 1)]
