@@ -49,7 +49,7 @@ def test_a_widened_set_holds_the_cells_within_reach(
 
 
 def test_cells_list_the_patches_of_each_cell() -> None:
-    surface = random_map(np.random.default_rng(1), fill=0.8)
+    surface = random_map(np.random.default_rng(4), fill=0.8)
     cells = surface.cells
     listed = [
         (int(x), int(y), surface.height[begin:end].tolist())
@@ -125,3 +125,23 @@ def test_a_check_finds_patches_out_of_order() -> None:
     surface = a_map()
     with pytest.raises(InputError, match="sorted"):
         surface.take(np.array([1, 0, 2])).check()
+
+
+def test_patches_are_sorted_by_every_key_in_turn() -> None:
+    rows = [Patch(0, 5, 2.0, 0.0, 0, 3), Patch(1, 0, 1.0, 0.0, 0, 3), Patch(1, 0, 1.0, 0.5, 0, 3)]
+    map_of(rows).check()
+    for order in ([1, 0, 2], [0, 2, 1], [1, 2, 0]):
+        with pytest.raises(InputError, match="sorted"):
+            map_of(rows).take(np.array(order)).check()
+    same_but_origin = map_of([Patch(0, 0, 1.0, 0.0, 0, 3), Patch(0, 0, 1.0, 0.0, 1, 0)])
+    same_but_origin.check()
+    with pytest.raises(InputError, match="sorted"):
+        same_but_origin.take(np.array([1, 0])).check()
+
+
+def test_a_keyframe_must_be_a_row_of_the_route() -> None:
+    surface = a_map()
+    last = int(surface.last_keyframe.max())
+    replace(surface, route=surface.route[: last + 1]).check()
+    with pytest.raises(InputError, match="last_keyframe"):
+        replace(surface, route=surface.route[:last]).check()

@@ -148,6 +148,7 @@ class MapBuilder:
         self._final_stages = map_stages[len(self._growing_stages) :]
         self._waiting: list[Keyframe] = []
         self._waiting_points = 0
+        self._keyframes = 0
         self._routes: list[Float64] = [self._empty.route]
         self._batches: list[Points] = []
         self._tiles = TiledMap(self._empty)
@@ -184,7 +185,8 @@ class MapBuilder:
     def _process_waiting(self) -> None:
         if not self._waiting:
             return
-        batch = gather(self._waiting, sum(map(len, self._routes)))
+        batch = gather(self._waiting, self._keyframes)
+        self._keyframes += len(self._waiting)
         self._waiting, self._waiting_points = [], 0
         self._routes.append(batch.route)
         self.report.batches += 1
@@ -275,7 +277,7 @@ class MapBuilder:
                 "dropped": dict(sorted(self.report.dropped.items())),
                 "kept": _points_in(surface),
             },
-            "keyframes": sum(map(len, self._routes)),
+            "keyframes": self._keyframes,
             "batches": self.report.batches,
         }
 

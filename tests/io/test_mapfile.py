@@ -26,7 +26,8 @@ ARRAYS += ["frame_id", "route", "meta"]
 
 @pytest.fixture
 def surface() -> SurfaceMap:
-    surface = random_map(np.random.default_rng(1), fill=0.9)
+    surface = random_map(np.random.default_rng(4), fill=0.9)
+    assert surface.size > 50
     surface.meta["sources"] = ["Überflug.bag"]
     return surface
 
@@ -172,3 +173,21 @@ def test_a_failed_write_leaves_nothing(surface: SurfaceMap, tmp_path: Path) -> N
     with pytest.raises(ValueError, match="JSON"):
         write_map(tmp_path / "map.npz", surface)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("version", [0, 2])
+def test_another_version_is_refused(written: Path, version: int) -> None:
+    rewrite(written, version=np.array(version))
+    with pytest.raises(InputError, match=rf"version: is {version}; this program reads version 1"):
+        read_map(written)
+
+
+def test_a_map_out_of_order_or_with_odd_meta_is_refused(written: Path) -> None:
+    with np.load(written) as arrays:
+        ix = arrays["ix"]
+    rewrite(written, ix=np.append(ix[1:], ix[:1] - 1))
+    with pytest.raises(InputError, match="sorted"):
+        read_map(written)
+    rewrite(written, ix=ix, meta=np.array("[1, 2]"))
+    with pytest.raises(InputError, match="meta: holds a JSON list"):
+        read_map(written)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,9 +19,10 @@ from mlscli.cell_size import auto_cell_size
 from mlscli.cells import CellSet
 from mlscli.config import Parameters, loads
 from mlscli.errors import InputError, UsageError
+from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points, batches
 from mlscli.merging import add_measured
-from mlscli.pipeline.builder import BEYOND_GRID, MapBuilder
+from mlscli.pipeline.builder import BEYOND_GRID, MapBuilder, build_map
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.stage import MapStage, PointStage
 from mlscli.surface_map import SurfaceMap
@@ -219,3 +221,24 @@ def test_order_symmetry_and_a_few_outliers_do_not_change_the_cell_size(seed: int
 def test_where_auto_has_no_answer_it_asks_for_a_number(cloud: Float64) -> None:
     with pytest.raises(InputError, match=r"set map\.cell_size to a number"):
         auto_cell_size(cloud)
+
+
+def test_the_fourth_neighbour_counts() -> None:
+    # On a line the fourth neighbour of most points is two spacings away.
+    line = np.c_[np.arange(200) * 0.5, np.zeros((200, 2))]
+    assert auto_cell_size(line) == 2.0
+    # In a row of fives, far from each other, it is the farthest of the five.
+    fives = np.concatenate([np.arange(5) * 0.1 + 100 * k for k in range(50)])
+    middle = auto_cell_size(np.c_[fives, np.zeros((250, 2))])
+    assert middle == pytest.approx(0.6)
+
+
+def test_what_the_reader_dropped_and_what_the_stages_dropped_are_both_told(tmp_path: Path) -> None:
+    cloud = tmp_path / "cloud.xyz"
+    rows = [f"{x / 10} {y / 10} 0" for x in range(20) for y in range(20)]
+    cloud.write_text("\n".join([*rows, "nan 0 0", "50 50 50"]))
+    surface = build_map(open_recording(cloud, frame="hall"), loads("map: {cell_size: 0.1}"))
+    account = surface.meta["points"]
+    assert account["dropped"] == {"median": 1, "not finite": 1}
+    assert account["read"] == account["kept"] + 2 == 402
+    assert surface.frame_id == "hall"

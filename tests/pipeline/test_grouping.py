@@ -145,3 +145,38 @@ def test_of_inserted_patches_of_two_maps_the_higher_stays() -> None:
 def test_maps_of_different_grids_are_not_merged() -> None:
     with pytest.raises(UsageError, match="cell_size"):
         map_of([]).merge(map_of([], cell_size=1.0))
+
+
+def test_a_group_within_another_does_not_hide_what_reaches_on() -> None:
+    def of(*heights: float) -> SurfaceMap:
+        xyz = np.array([[0.1, 0.1, z] for z in heights])
+        return measured(Points(xyz, np.zeros(len(heights), dtype=np.int32)))
+
+    tall, inside, above = of(*np.arange(0, 5, 0.5)), of(1.0), of(4.5 + GAP)
+    merged = add_measured(add_measured(tall, inside), above)
+    assert merged.count.tolist() == [12]
+    assert add_measured(add_measured(above, inside), tall).count.tolist() == [12]
+
+
+def test_what_was_inserted_stays_beside_measurements_that_did_not_change() -> None:
+    wall = [Patch(0, 0, 1.0, 1.0, 0, 5), Patch(0, 0, 3.0, 1.0, 0, 5)]
+    filled = map_of([*wall, Patch(0, 0, 2.0, 1.0, 1, 0)])
+    assert add_measured(filled, map_of([Patch(0, 0, 9.0, 0.0, 0, 5)])).origin.tolist() == [
+        0,
+        1,
+        0,
+        0,
+    ]
+    # The heights measured decide, not the mean that a floor is drawn at.
+    xyz = np.array([[0.1, 0.1, z] for z in (4.2, 4.3)])
+    below = measured(Points(xyz, np.zeros(2, dtype=np.int32)))
+    inserted = map_of([Patch(0, 0, 4.2 - GAP, 0.0, 1, 0)])
+    assert add_measured(inserted, below).origin.tolist() == [0]
+
+
+def test_of_two_maps_each_deletes_what_the_other_inserted_near_its_measurements() -> None:
+    found = replace(map_of([Patch(0, 0, 1.0, 0.0, 0, 5)]), region=np.array([7], dtype=np.int32))
+    guessed = map_of([Patch(0, 0, 1.0 + GAP, 0.0, 2, 0)])
+    for merged in (found.merge(guessed), guessed.merge(found)):
+        assert merged.origin.tolist() == [0]
+        assert merged.region.tolist() == [-1]

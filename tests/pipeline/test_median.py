@@ -120,3 +120,9 @@ def test_points_reach_no_farther_than_declared() -> None:
         for one, other in ((alone, everything), (everything, alone)):
             inside = (np.floor(one.xyz[:, :2] / cell_size) == 0).all(axis=1)
             assert set(rows(Points(one.xyz[inside], one.keyframe[inside]))) <= set(rows(other))
+
+
+def test_as_many_neighbours_as_count_at_most_may_be_asked_for() -> None:
+    assert list(Median(1.0, 4, 4).faults(None, None)) == []
+    assert [fault.field for fault in Median(1.0, 4, 5).faults(None, None)] == ["min_nb"]
+    assert list(Median(1.0, 0, 5).faults(None, None)) == []

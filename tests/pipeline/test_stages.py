@@ -15,6 +15,7 @@ import pytest
 
 from mlscli.cells import CellSet, Limits
 from mlscli.parameters import Cells
+from mlscli.pipeline.gaps import between
 from mlscli.pipeline.orphans import Orphans
 from mlscli.pipeline.plaster import Plaster
 from mlscli.pipeline.pyramids import Pyramids
@@ -221,3 +222,54 @@ def test_walls_fill_a_window_no_larger_than_allowed() -> None:
 
 def _without_regions(surface: SurfaceMap) -> SurfaceMap:
     return surface.with_columns(region=np.full(surface.size, -1, dtype=np.int32))
+
+
+def test_a_height_between_equal_ends_is_that_height_and_never_minus_zero() -> None:
+    assert (0.1 * 2 + 0.1 * 1) / 3 != 0.1
+    assert between(0.1, 0.1, 1, 3) == 0.1
+    assert not np.signbit(between(-5e-324, 0.0, 1, 2))
+
+
+def test_of_equal_heights_the_lower_origin_then_the_greater_depth_stays() -> None:
+    ends = [Patch(x, 0, 2.0, depth, 0, 5) for x, depth in ((-1, 1.0), (1, 1.0))]
+    # Along y the gap is wider, so that what closes it is artificial, and the wall is deeper.
+    ends += [Patch(0, y, 2.0, 1.5, 0, 5) for y in (-2, 2)]
+    closed = Walls(max_gap=CELL, max_gap_enhanced=3 * CELL).apply(map_of(ends))
+    assert [p for p in patches_of(closed) if p.cell == (0, 0)] == [Patch(0, 0, 2.0, 1.0, 1, 0)]
+    alike = [*ends[:2], *[Patch(0, y, 2.0, 1.5, 0, 5) for y in (-1, 1)]]
+    closed = Walls(max_gap=CELL, max_gap_enhanced=0).apply(map_of(alike))
+    assert [p for p in patches_of(closed) if p.cell == (0, 0)] == [Patch(0, 0, 2.0, 1.5, 1, 0)]
+
+
+def test_a_hole_is_filled_by_its_length_not_by_whole_cells_and_not_at_the_gap_itself() -> None:
+    for space, filled in ((1.25, True), (1.26, False), (GAP, False), (GAP + 0.01, True)):
+        wall = [Patch(0, 0, 1.0, 1.0, 0, 9), Patch(0, 0, 2.0 + space, 1.0, 0, 9)]
+        closed = Walls(max_gap=0.5, max_gap_enhanced=1.25).apply(map_of(wall))
+        assert (closed.size == 3) is filled
+
+
+def test_what_fills_a_hole_keeps_a_missing_column_from_doubling_it() -> None:
+    pierced = [Patch(0, 0, 1.0, 1.0, 0, 9), Patch(0, 0, 4.0, 1.0, 0, 9)]
+    # Beside it, at the height of the hole, a wall on both sides, apart from what stands there.
+    beside = [Patch(x, 0, 2.1, 0.3, 0, 9) for x in (-1, 1)]
+    closed = Walls(height_thresh=0, max_gap=2.0, max_gap_enhanced=0).apply(map_of(pierced + beside))
+    inserted = [p for p in patches_of(closed) if p.origin]
+    assert inserted == [Patch(0, 0, 3.0, 2.0, 1, 0)]
+
+
+def test_a_patch_close_to_another_of_its_cell_is_no_pyramid() -> None:
+    edge = [(-1, 0), (1, 0), (0, -1), (0, 1)]
+    floor = [Patch(*cell, 0.0, 0.0, 0, 5) for cell in edge]
+    touching = [Patch(0, 0, 0.6, 0.0, 0, 5), Patch(0, 0, 1.2, 0.6, 1, 0)]
+    assert Pyramids().apply(map_of(floor + touching)) == map_of(floor + touching)
+
+
+def test_snapping_takes_the_higher_of_equals_and_never_meets_another_that_is_moved() -> None:
+    low, high = ([Patch(x, y, z, 0.0, 0, 5) for x in (0, 1)] for y, z in ((-1, 0.0), (1, 1.0)))
+    between_both = [Patch(0, 0, 0.5, 0.0, 0, 5)]
+    snap = Regions(height_thresh=0.1, min_size=2, snap=True)
+    moved = snap.apply(map_of(low + high + between_both))
+    assert [p.height for p in patches_of(moved) if p.cell == (0, 0)] == [1.0]
+    two = [Patch(0, 0, -0.4, 0.0, 0, 5), Patch(0, 0, 0.4, 0.0, 0, 5)]
+    # Both would come to lie at 0.
+    assert [p for p in patches_of(snap.apply(map_of(low + two))) if p.cell == (0, 0)] == []
