@@ -20,6 +20,7 @@ from mlscli.scenes.noise import Noise
 from mlscli.scenes.presets import PRESETS, make
 from mlscli.scenes.truth import truth
 from mlscli.scoring import Score, score
+from mlscli.surface_map import SurfaceMap
 
 # In the order in which the thesis has them, and last what it did not have.
 ADDED = ("median", "orphans", "plaster", "pyramids", "walls")
@@ -131,12 +132,17 @@ def flown(scene: str, outliers: float, seed: int, grid: float = GRID) -> Flight:
     return fly(make(scene), grid, Noise(salt_pepper=outliers), seed=seed)
 
 
-def scored(flight: Flight, parameters: Parameters) -> Score:
-    """Map a flight and score the map."""
+def mapped(flight: Flight, parameters: Parameters) -> SurfaceMap:
+    """Return the map of a flight."""
     builder = MapBuilder(parameters)
     for keyframe in flight.keyframes:
         builder.add(keyframe)
-    surface = builder.finish()
+    return builder.finish()
+
+
+def scored(flight: Flight, parameters: Parameters) -> Score:
+    """Map a flight and score the map."""
+    surface = mapped(flight, parameters)
     true = truth(flight.scene, surface.cell_size, surface.gap_size, surface.thickness)
     return score(surface, true)
 

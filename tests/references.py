@@ -193,10 +193,12 @@ def plaster(
     clearance: float,
     max_gap: float,
     max_gap_enhanced: float,
+    slope_reach: float = 0.0,
 ) -> list[Patch]:
     def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
         difference = abs(other.height - patch.height)
-        if difference > slope * d * cell_size + clearance:
+        trusted = min(d, slope_reach / cell_size) if slope_reach else d
+        if difference > slope * trusted * cell_size + clearance:
             return None
         return difference, -other.height
 
@@ -214,6 +216,7 @@ def walls(
     slope: float,
     max_gap: float,
     max_gap_enhanced: float,
+    join: float = 0.0,
 ) -> list[Patch]:
     def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
         if apart(patch, other) > slope * d * cell_size:
@@ -231,7 +234,31 @@ def walls(
             if both and gap_size < space <= length:
                 holes.append(Patch(*lower.cell, upper.low, space, 1 if space <= max_gap else 2, 0))
         patches = ordered(patches + holes + _with_room(closings, patches + holes, gap_size))
-    return patches
+    return _drawn_out(patches, gap_size, min(join, gap_size)) if join else patches
+
+
+def _drawn_out(patches: list[Patch], gap_size: float, farthest: float) -> list[Patch]:
+    ends = []
+    for patch in patches:
+        foot, top = patch.low, patch.height
+        for other in patches:
+            beside = max(abs(other.ix - patch.ix), abs(other.iy - patch.iy)) == 1
+            if beside and patch.depth > 0:
+                if patch.low - other.low <= farthest:
+                    foot = min(foot, other.low)
+                if other.height - patch.height <= farthest:
+                    top = max(top, other.height)
+        ends.append((foot, top))
+    result = []
+    for i, patch in enumerate(patches):
+        foot, top = ends[i]
+        if i > 0 and patches[i - 1].cell == patch.cell and foot - ends[i - 1][1] <= gap_size:
+            foot = patch.low
+        if i + 1 < len(patches) and patches[i + 1].cell == patch.cell:
+            top = patch.height if ends[i + 1][0] - top <= gap_size else top
+        moved = (foot, top) != (patch.low, patch.height)
+        result.append(patch._replace(height=top, depth=top - foot) if moved else patch)
+    return ordered(result)
 
 
 def _passes(max_gap: float, max_gap_enhanced: float) -> Iterable[float]:
@@ -239,7 +266,7 @@ def _passes(max_gap: float, max_gap_enhanced: float) -> Iterable[float]:
 
 
 def pyramids(
-    patches: list[Patch], gap_size: float, factor: float, max_height: float
+    patches: list[Patch], gap_size: float, factor: float, max_height: float, pits: bool = False
 ) -> list[Patch]:
     result = []
     for patch in patches:
@@ -251,16 +278,15 @@ def pyramids(
             if near and abs(near[0].height - patch.height) <= max_height:
                 heights.append(near[0].height)
         crowded = any(apart(patch, other) <= gap_size for other in others)
-        if (
-            crowded
-            or len(heights) < 4
-            or not patch.height - max(heights) > factor * (max(heights) - min(heights))
-        ):
-            result.append(patch)
-            continue
-        lowered = patch._replace(height=max(heights), depth=max(0.0, max(heights) - patch.low))
-        if all(apart(lowered, other) > gap_size for other in others):
-            result.append(lowered)
+        moved = patch
+        if not crowded and len(heights) == 4:
+            highest, lowest = max(heights), min(heights)
+            if patch.height - highest > factor * (highest - lowest):
+                moved = patch._replace(height=highest, depth=max(0.0, highest - patch.low))
+            elif pits and patch.depth == 0 and lowest - patch.height > factor * (highest - lowest):
+                moved = patch._replace(height=lowest)
+        if moved is patch or all(apart(moved, other) > gap_size for other in others):
+            result.append(moved)
     return ordered(result)
 
 

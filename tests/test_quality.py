@@ -41,7 +41,7 @@ def test_the_median_makes_outliers_harmless_and_plaster_closes_what_is_missing(
 
 def test_each_row_is_the_score_of_a_pipeline_of_its_own(rows: list[Row]) -> None:
     flight = flown("planes-walls", 0.2, seed=1)
-    only_median = loads("map: {cell_size: 0.15}\npipeline: [median]\n")
+    only_median = loads("map: {cell_size: 0.15}\npipeline: [median: {recentre: 0.75 cells}]\n")
     expected = scored(flight, only_median)
     row = next(row for row in rows if (row.outliers, row.stages) == (0.2, "median"))
     assert row.completeness == expected.total.completeness.share

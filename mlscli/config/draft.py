@@ -52,12 +52,15 @@ class Part:
         Where it stands; None where it was left out.
     given : dict of str to Given
         The parameters given.
+    chosen : dict
+        Values of parameters left out, where they are not the defaults of the dataclass.
     """
 
     name: str
     owner: type
     place: Place | None = None
     given: dict[str, Given] = field(default_factory=dict)
+    chosen: Mapping[str, Any] = field(default_factory=dict)
 
     def path(self, parameter: str) -> str:
         """Return the full name of one of its parameters."""
@@ -74,15 +77,20 @@ class Draft:
     stages
         The dataclass of each stage by name.
     pipeline
-        The names of the stages where the document gives none.
+        The stages where the document gives none: names, and values chosen for their parameters.
     """
 
     def __init__(
-        self, sections: Mapping[str, type], stages: Mapping[str, type], pipeline: Iterable[str]
+        self,
+        sections: Mapping[str, type],
+        stages: Mapping[str, type],
+        pipeline: Mapping[str, Mapping[str, Any]],
     ) -> None:
         self.sections = {name: Part(name, owner) for name, owner in sections.items()}
         self.stages = stages
-        self.pipeline = [Part(name, stages[name]) for name in pipeline]
+        self.pipeline = [
+            Part(name, stages[name], chosen=chosen) for name, chosen in pipeline.items()
+        ]
         self.faults: list[LocatedFault] = []
         self._pipeline_known = True
 

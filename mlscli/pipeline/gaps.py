@@ -115,20 +115,38 @@ class Widths(NamedTuple):
     allowed: Length
 
 
+class Tolerance(NamedTuple):
+    """How far apart two ends of a gap of d - 1 cells may be in height.
+
+    ``slope * min(d, trusted) * cell_size + clearance``, d cells from each other.
+
+    Attributes
+    ----------
+    slope : float
+    clearance : float
+    trusted : float
+        The number of cells beyond which the slope counts no more.
+    """
+
+    slope: float
+    clearance: float = 0.0
+    trusted: float = np.inf
+
+
 def close_gaps(
-    intervals: Intervals, widths: Widths, cell_size: float, slope: float, clearance: float
+    intervals: Intervals, widths: Widths, cell_size: float, tolerance: Tolerance
 ) -> Inserted:
     """Return what closes the gaps along x and along y.
 
     From each interval one looks along a line at distances d = 1, 2, ... cells. Those there that
-    are at most ``slope * d * cell_size + clearance`` away are candidates; the first d with one
-    decides, and of several the one at the least distance, then with the least difference of upper
-    ends, then the higher. A gap is closed where both of its ends find each other so.
+    are near enough in height are candidates; the first d with one decides, and of several the
+    one at the least distance, then with the least difference of upper ends, then the higher. A gap
+    is closed where both of its ends find each other so.
     """
     certain, allowed = (whole_cells(width, cell_size) for width in widths)
-    along_y = _close_along(*intervals, certain, allowed, cell_size, slope, clearance)
+    along_y = _close_along(*intervals, certain, allowed, cell_size, tolerance)
     swapped = intervals._replace(ix=intervals.iy, iy=intervals.ix)
-    along_x = _close_along(*swapped, certain, allowed, cell_size, slope, clearance)
+    along_x = _close_along(*swapped, certain, allowed, cell_size, tolerance)
     return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
 
 
@@ -140,8 +158,7 @@ def _close_along(
     certain: int,
     allowed: int,
     cell_size: float,
-    slope: float,
-    clearance: float,
+    tolerance: Tolerance,
 ) -> Inserted:
     order = np.lexsort((low, high, position, line))
     keys = pack(line[order], position[order])
@@ -149,8 +166,8 @@ def _close_along(
     lines, positions = (index.astype(np.int64) for index in unpack(keys[start[:-1]]))
     low, high = low[order], high[order]
     cells = (lines, positions, start, low, high)
-    ahead = _opposite(*cells, allowed + 1, cell_size, slope, clearance, 1)
-    back = _opposite(*cells, allowed + 1, cell_size, slope, clearance, -1)
+    ahead = _opposite(*cells, allowed + 1, cell_size, *tolerance, 1)
+    back = _opposite(*cells, allowed + 1, cell_size, *tolerance, -1)
     in_line, at, height, low_end, width = _fill(lines, positions, start, low, high, ahead, back)
     return Inserted(
         in_line,
@@ -172,6 +189,7 @@ def _opposite(
     cell_size: float,
     slope: float,
     clearance: float,
+    trusted: float,
     step: int,
 ) -> Int64:
     """Return for each interval the one that it finds along its line; -1: none."""
@@ -183,7 +201,7 @@ def _opposite(
                 d = abs(position[there] - position[cell])
                 if d > farthest:
                     break
-                limit = slope * d * cell_size + clearance
+                limit = slope * min(d, trusted) * cell_size + clearance
                 least, least_tops = np.inf, np.inf
                 for j in range(start[there], start[there + 1]):
                     apart = distance(low[i], high[i], low[j], high[j])

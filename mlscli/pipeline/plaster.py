@@ -10,6 +10,9 @@ straight line between the two close it.
 Pass one closes gaps up to `max_gap`; pass two reads its result and closes gaps up to
 `max_gap_enhanced`. The thesis closed what it met first, along y before x; here both directions
 read the same input and the higher patch stays, as its section 6.3 proposes.
+
+The thesis trusts a slope over the whole gap, so that a wide one joins surfaces of different levels.
+With `slope_reach` the height allowed grows no farther than over that distance.
 """
 
 from __future__ import annotations
@@ -17,8 +20,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from mlscli.parameters import Cells, Length, in_units, parameter
-from mlscli.pipeline.gaps import GapStage, Intervals, close_gaps, settle
+from mlscli.pipeline.gaps import GapStage, Intervals, Tolerance, close_gaps, settle
 from mlscli.surface_map import SurfaceMap
 
 
@@ -34,13 +39,22 @@ class Plaster(GapStage):
     height_clearance: Length = parameter(
         Cells(0.5), "height difference that is allowed besides the slope", low=0
     )
+    slope_reach: Length = parameter(
+        0,
+        "distance beyond which the slope allows no more height; 0: it counts over the whole gap",
+        low=0,
+    )
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with its gaps closed."""
         cell_size = surface.cell_size
-        clearance = in_units(self.height_clearance, cell_size)
+        tolerance = Tolerance(
+            self.height_thresh,
+            in_units(self.height_clearance, cell_size),
+            in_units(self.slope_reach, cell_size) / cell_size or np.inf,
+        )
         for widths in self.passes():
             heights = Intervals(surface.ix, surface.iy, surface.height, surface.height)
-            closing = close_gaps(heights, widths, cell_size, self.height_thresh, clearance)
+            closing = close_gaps(heights, widths, cell_size, tolerance)
             surface = surface.with_inserted(*settle(closing, surface))
         return surface

@@ -7,6 +7,9 @@ the highest and the lowest of their heights. If
 what is left of it. Where that brings the patch within `gap_size` of another of its cell, it
 doubles that surface and is removed instead. A patch within `gap_size` of another of its cell is
 no pyramid.
+
+Noise makes as many pits as pyramids. With `pits`, a horizontal patch with
+``low - height > height_factor_thresh * (high - low)`` is raised to `low` likewise.
 """
 
 from __future__ import annotations
@@ -45,6 +48,10 @@ class Pyramids(MapStage):
         default_from="map.gap_size",
     )
 
+    pits: bool = parameter(
+        False, "raise horizontal patches that lie as far below all four neighbours"
+    )
+
     def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:
         """Yield a fault where a neighbour could be a patch of another level."""
         yield from super().faults(cell_size, gap_size)
@@ -71,6 +78,7 @@ class Pyramids(MapStage):
             surface.gap_size,
             self.height_factor_thresh,
             limit,
+            self.pits,
         )
         return surface.with_columns(height=height, depth=depth).take(stays)
 
@@ -85,6 +93,7 @@ def _lowered(
     gap_size: float,
     factor: float,
     max_height: float,
+    pits: bool,
 ) -> tuple[Float64, Float64, Bool]:
     """Return the new heights and depths, and which patches stay."""
     new_height, new_depth = height.copy(), depth.copy()
@@ -105,10 +114,18 @@ def _lowered(
                 if abs(height[j] - height[i]) <= max_height:
                     neighbours += 1
                     high, low = max(high, height[j]), min(low, height[j])
-            if neighbours == 4 and height[i] - high > factor * (high - low):
+            if neighbours < 4:
+                continue
+            if height[i] - high > factor * (high - low):
                 new_height[i], new_depth[i] = high, max(0.0, high - low_end)
-                low_end = new_height[i] - new_depth[i]
-                stays[i] = not _meets_another(i, begin, end, low_end, high, height, depth, gap_size)
+            elif pits and depth[i] == 0 and low - height[i] > factor * (high - low):
+                new_height[i] = low
+            else:
+                continue
+            low_end = new_height[i] - new_depth[i]
+            stays[i] = not _meets_another(
+                i, begin, end, low_end, new_height[i], height, depth, gap_size
+            )
     return new_height, new_depth, stays
 
 

@@ -49,16 +49,17 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
         map=MapParameters(cell_size="auto", gap_size=Cells(3), thickness=Cells(1)),
         batch=BatchParameters(min_points=80),
         pipeline=(
-            Median(nb_radius=Cells(3), max_nb=16, min_nb=8),
+            Median(nb_radius=Cells(3), max_nb=16, min_nb=8, recentre=Cells(0.75)),
             Orphans(horizontal=Cells(2), vertical=Cells(2), min_neighbours=1),
-            Walls(height_thresh=0.5, max_gap=Cells(1), max_gap_enhanced=Cells(5)),
+            Walls(height_thresh=0.5, max_gap=Cells(1), max_gap_enhanced=Cells(5), join=Cells(2)),
             Plaster(
                 height_thresh=0.5,
                 height_clearance=Cells(0.5),
                 max_gap=Cells(1),
                 max_gap_enhanced=Cells(5),
+                slope_reach=Cells(2),
             ),
-            Pyramids(height_factor_thresh=1.5, max_height=Cells(3)),
+            Pyramids(height_factor_thresh=1.5, max_height=Cells(3), pits=True),
         ),
     )
 
@@ -102,7 +103,7 @@ def test_what_is_left_out_follows_the_parameter_that_it_comes_from() -> None:
     assert parameters.map.gap_size == Cells(2)
     widths = [s.max_gap for s in parameters.pipeline if isinstance(s, Walls | Plaster)]
     assert widths == [0.3, 0.3]
-    assert parameters.pipeline[-1] == Pyramids(max_height=Cells(2))
+    assert parameters.pipeline[-1] == Pyramids(max_height=Cells(2), pits=True)
 
 
 def test_a_setting_counts_before_what_is_left_out_is_filled_in() -> None:
@@ -165,6 +166,15 @@ def test_the_presets_say_what_they_are_named_for() -> None:
         map=MapParameters(0.15, 0.5, 0.15),
         pipeline=THESIS,
     )
+
+
+def test_a_stage_that_is_named_follows_the_thesis_where_nothing_else_is_said() -> None:
+    named = loads("pipeline: [median, orphans, walls, plaster, pyramids]").pipeline
+    assert named == (Median(), Orphans(), Walls(), Plaster(), Pyramids(max_height=Cells(3)))
+    assert Median().recentre == Walls().join == Plaster().slope_reach == 0
+    assert not Pyramids().pits
+    # A setting changes the parameter that it names, and no other.
+    assert load(None, ["median.min_nb=4"]).pipeline[0] == Median(min_nb=4, recentre=Cells(0.75))
 
 
 def test_the_default_preset_leaves_to_other_parameters_what_they_decide() -> None:

@@ -57,23 +57,31 @@ def gaps(rng: np.random.Generator) -> tuple[float, float, float]:
 
 def plaster(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     slope, narrow, wide = gaps(rng)
-    clearance = float(rng.choice([0, 0.25]))
+    clearance, trusted = float(rng.choice([0, 0.25])), float(rng.choice([0, 0.5, 0.8]))
     stage = Plaster(
-        height_thresh=slope, height_clearance=clearance, max_gap=narrow, max_gap_enhanced=wide
+        height_thresh=slope,
+        height_clearance=clearance,
+        max_gap=narrow,
+        max_gap_enhanced=wide,
+        slope_reach=trusted,
     )
-    return stage, lambda p: references.plaster(p, CELL, GAP, slope, clearance, narrow, wide)
+    return stage, lambda p: references.plaster(
+        p, CELL, GAP, slope, clearance, narrow, wide, trusted
+    )
 
 
 def walls(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     slope, narrow, wide = gaps(rng)
-    stage = Walls(height_thresh=slope, max_gap=narrow, max_gap_enhanced=wide)
-    return stage, lambda p: references.walls(p, CELL, GAP, slope, narrow, wide)
+    join = float(rng.choice([0, 0.25, 0.5, 2.0]))
+    stage = Walls(height_thresh=slope, max_gap=narrow, max_gap_enhanced=wide, join=join)
+    return stage, lambda p: references.walls(p, CELL, GAP, slope, narrow, wide, join)
 
 
 def pyramids(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     factor, highest = float(rng.choice([0, 0.5, 1.5])), float(rng.choice([0.5, GAP]))
-    stage = Pyramids(height_factor_thresh=factor, max_height=highest)
-    return stage, lambda p: references.pyramids(p, GAP, factor, highest)
+    pits = bool(rng.random() < 0.5)
+    stage = Pyramids(height_factor_thresh=factor, max_height=highest, pits=pits)
+    return stage, lambda p: references.pyramids(p, GAP, factor, highest, pits)
 
 
 def regions(rng: np.random.Generator) -> tuple[MapStage, Reference]:
@@ -200,6 +208,37 @@ def test_the_space_under_a_bridge_stays_open() -> None:
     walls_then_plaster = Plaster().apply(Walls().apply(map_of(ground + deck)))
     between = [p for p in patches_of(walls_then_plaster) if 0.0 < p.height < 3.0]
     assert between == []
+
+
+def test_a_wall_is_drawn_out_to_the_floor_and_the_roof_beside_it_but_not_over_a_passage() -> None:
+    floor, roof = Patch(1, 0, 0.0, 0.0, 0, 5), Patch(-1, 1, 2.0, 0.0, 0, 5)
+    wall = Patch(0, 0, 1.75, 1.5, 0, 9)
+    joined = patches_of(Walls(join=CELL).apply(map_of([floor, roof, wall])))
+    assert [p for p in joined if p.cell == (0, 0)] == [Patch(0, 0, 2.0, 2.0, 0, 9)]
+    # Below it, what the craft could pass stays open, however far walls may be joined.
+    deep = Patch(1, 0, -0.6, 0.0, 0, 5)
+    joined = patches_of(Walls(join=9.0).apply(map_of([deep, wall])))
+    assert [p for p in joined if p.cell == (0, 0)] == [wall]
+    # A floor of its own cell is not come within the gap of.
+    below = Patch(0, 0, -0.55, 0.0, 0, 5)
+    joined = patches_of(Walls(join=CELL).apply(map_of([floor, below, wall])))
+    assert [p for p in joined if p.cell == (0, 0)] == [below, wall]
+
+
+def test_a_slope_is_trusted_no_farther_than_asked() -> None:
+    ends = [Patch(0, 0, 0.0, 0.0, 0, 5), Patch(4, 0, 0.75, 0.0, 0, 5)]
+    wide = Plaster(height_thresh=0.5, height_clearance=0.25, max_gap=2.0, max_gap_enhanced=0)
+    assert wide.apply(map_of(ends)).size == 5
+    assert replace(wide, slope_reach=2 * CELL).apply(map_of(ends)).size == 5
+    assert replace(wide, slope_reach=1.9 * CELL).apply(map_of(ends)).size == 2
+
+
+def test_a_pit_is_raised_to_its_lowest_neighbour_where_pits_are_asked_for() -> None:
+    floor = [Patch(*cell, 0.0, 0.0, 0, 5) for cell in ((-1, 0), (1, 0), (0, -1), (0, 1))]
+    pit = Patch(0, 0, -0.6, 0.0, 0, 5)
+    assert Pyramids().apply(map_of([*floor, pit])) == map_of([*floor, pit])
+    raised = patches_of(Pyramids(pits=True).apply(map_of([*floor, pit])))
+    assert [p.height for p in raised if p.cell == (0, 0)] == [0.0]
 
 
 def test_a_pyramid_that_would_double_another_surface_is_removed() -> None:

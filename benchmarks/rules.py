@@ -1,0 +1,111 @@
+"""What each rule that betters one of the thesis's is worth, and what else was tried.
+
+Run it as ``python benchmarks/rules.py``; it takes a few minutes. Flights with 10 and 20 % outliers
+through the whole pipeline: the thesis's scenes, on which the rules were tuned, and eight others.
+Printed are means over the flights, and sums of patches.
+"""
+
+from __future__ import annotations
+
+from statistics import mean
+
+from mlscli.config import load
+from mlscli.quality import CELL_SIZE, flown, mapped
+from mlscli.scenes.flight import Flight
+from mlscli.scenes.truth import truth
+from mlscli.scoring import Score, score
+from mlscli.surface_map import SurfaceMap
+
+THESIS = {
+    "median.recentre": "0",
+    "walls.join": "0",
+    "plaster.slope_reach": "0",
+    "pyramids.pits": "false",
+}
+DEFAULT = {
+    "median.recentre": "0.75 cells",
+    "walls.join": "2 cells",
+    "plaster.slope_reach": "2 cells",
+    "pyramids.pits": "true",
+}
+TUNED = (("bridge", "bridge-walls", "house", "planes", "planes-walls"), (11, 12))
+_OTHERS = (
+    *("table", "village-thesis", "house-storeys", "street"),
+    *("tunnel", "stair", "parking", "bridge-gap"),
+)
+SHOWN = (_OTHERS, (21, 22))
+HEAD = "| setting | complete | floors | walls | correct | rmse / sigma | missed | false | phantom |"
+RULE = "|:--|--:|--:|--:|--:|--:|--:|--:|--:|"
+
+
+def settings() -> dict[str, dict[str, str]]:
+    """Return by name what is set: the thesis's rules, and what is changed of the defaults."""
+    named = {"the thesis's rules": THESIS}
+    named |= {f"only `{name}={value}`": {**THESIS, name: value} for name, value in DEFAULT.items()}
+    named["all of these: the default"] = DEFAULT
+    for name, values in (
+        ("median.recentre", ("0.5 cells", "1 cell")),
+        ("median.min_nb", ("4", "10")),
+        ("median.max_nb", ("12", "24")),
+        ("median.nb_radius", ("2.5 cells", "4 cells")),
+        ("orphans.horizontal", ("1 cell", "3 cells")),
+        ("orphans.min_neighbours", ("0", "3")),
+        ("walls.join", ("1 cell", "3 cells")),
+        ("plaster.height_thresh", ("0.25", "1")),
+        ("plaster.height_clearance", ("0.25 cells", "1 cell")),
+        ("plaster.slope_reach", ("1 cell", "3 cells")),
+        ("plaster.max_gap_enhanced", ("3 cells", "7 cells")),
+        ("pyramids.height_factor_thresh", ("0.5", "3")),
+    ):
+        named |= {f"the default, `{name}={value}`": {**DEFAULT, name: value} for value in values}
+    return named
+
+
+def main() -> None:
+    """Print both tables."""
+    for title, (scenes, seeds) in (("Tuned on", TUNED), ("Shown on", SHOWN)):
+        print(f"{title} {', '.join(scenes)}; seeds {', '.join(map(str, seeds))}\n")  # noqa: T201
+        print(f"{HEAD}\n{RULE}")  # noqa: T201
+        flights = [flown(s, share, seed) for s in scenes for share in (0.1, 0.2) for seed in seeds]
+        truths: dict[int, SurfaceMap] = {}
+        for name, chosen in settings().items():
+            scores = [scored(flight, chosen, truths, i) for i, flight in enumerate(flights)]
+            print(row(name, scores))  # noqa: T201
+        print()  # noqa: T201
+
+
+def scored(
+    flight: Flight, chosen: dict[str, str], truths: dict[int, SurfaceMap], number: int
+) -> Score:
+    """Map a flight and score the map; its truth is computed once."""
+    sets = [f"{name}={value}" for name, value in chosen.items()]
+    surface = mapped(flight, load(None, [f"map.cell_size={CELL_SIZE}", *sets]))
+    if number not in truths:
+        lengths = surface.cell_size, surface.gap_size, surface.thickness
+        truths[number] = truth(flight.scene, *lengths)
+    return score(surface, truths[number])
+
+
+def row(name: str, scores: list[Score]) -> str:
+    """Return a row of the table."""
+    totals = [each.total for each in scores]
+    shares = [
+        [total.completeness for total in totals],
+        [total.completeness_horizontal for total in totals],
+        [total.completeness_vertical for total in totals],
+        [total.correctness for total in totals],
+    ]
+    cells = [
+        f"{mean(each.share for each in column if each.share is not None):.2%}" for column in shares
+    ]
+    rmse = mean(total.heights.rmse or 0.0 for total in totals) / 0.05
+    sums = (
+        sum(each.levels_missed for each in scores),
+        sum(each.false_levels for each in scores),
+        sum(each.phantom_closings.count for each in scores),
+    )
+    return f"| {' | '.join([name, *cells, f'{rmse:.3f}', *(f'{n:,}' for n in sums)])} |"
+
+
+if __name__ == "__main__":
+    main()
