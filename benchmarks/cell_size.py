@@ -19,8 +19,7 @@ from mlscli.keyframes import gather
 from mlscli.quality import flown, mapped
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.truth import truth
-from mlscli.scoring.kernels import covered, nearby
-from mlscli.scoring.truth import Patches
+from mlscli.scoring.kernels import Patches, covered, nearby
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool
 

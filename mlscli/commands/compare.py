@@ -20,6 +20,14 @@ if TYPE_CHECKING:
 # As of diff and cmp: what could not be compared must not pass for different.
 DIFFER, TROUBLE = 1, 2
 
+_PLACES = {
+    "under_deck": "under a deck",
+    "in_window": "in a window",
+    "in_hole": "in a hole of the ground",
+    "off_level": "off their level",
+    "elsewhere": "elsewhere",
+}
+
 
 @click.command()
 @click.argument("map_file", metavar="A")
@@ -164,11 +172,17 @@ def _score_text(map_file: str, truth_file: str, result: Score) -> str:
         ),
         ("levels missed", f"{result.levels_missed:,}"),
         ("phantom closings", f"{_share(result.phantom_closings)} inserted patches"),
+        ("their places", _places(result)),
         ("honest red", f"{_share(result.honest_red)} artificial patches on a true surface"),
         ("flat called vertical", f"{_share(total.flat_called_vertical)} flat true patches"),
         *[(origin, _measures(part)) for origin, part in result.by_origin.items()],
     ]
     return f"{map_file} against {truth_file}\n{report.lines(rows)}"
+
+
+def _places(result: Score) -> str:
+    numbers = {place: sum(by.values()) for place, by in result.phantom_places.items()}
+    return report.counts({_PLACES[place]: number for place, number in numbers.items()})
 
 
 def _measures(part: Measures) -> str:

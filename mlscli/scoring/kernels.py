@@ -2,11 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
 from mlscli.patches import distance
+from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int32, Int64
+
+
+class Patches(NamedTuple):
+    """What of a map is compared: where its patches are, and which are vertical."""
+
+    ix: Int32
+    iy: Int32
+    low: Float64
+    high: Float64
+    vertical: Bool
+
+    @classmethod
+    def of(cls, surface: SurfaceMap) -> Patches:
+        """Return the patches of a map."""
+        return cls(surface.ix, surface.iy, surface.low_end, surface.height, surface.depth > 0)
+
+    def take(self, which: Bool) -> Patches:
+        """Return the patches that a mask chooses."""
+        columns: list[Any] = [column[which] for column in self]
+        return Patches(*columns)
 
 
 @njit(cache=True, nogil=True)

@@ -14,14 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from mlscli.scoring.comparison import require_same_cells, root_mean_square
-from mlscli.scoring.kernels import covered, nearby, nearest
+from mlscli.scoring.kernels import Patches, covered, nearby, nearest
+from mlscli.scoring.places import count_by_place
 from mlscli.surface_map import MEASURED, ORIGINS, SurfaceMap
-from mlscli.typing import Bool, Float64, Int32, Int64
+from mlscli.typing import Bool, Float64, Int64
 
 # How many cells beside a true surface a correct patch may lie.
 SIDEWAYS = 1
@@ -131,6 +132,8 @@ class Score:
     phantom_closings : Share
         Inserted map patches (plastered or artificial) that are not correct: what the map closed
         where the truth is open.
+    phantom_places : mapping
+        How many of them are in each of `mlscli.scoring.places.PLACES`, by origin.
     honest_red : Share
         Artificial map patches that are correct.
     total : Measures
@@ -144,6 +147,7 @@ class Score:
     false_levels_per_cell: float | None
     levels_missed: int
     phantom_closings: Share
+    phantom_places: Mapping[str, Mapping[str, int]]
     honest_red: Share
     total: Measures
     by_origin: Mapping[str, Measures]
@@ -175,38 +179,23 @@ def score(surface: SurfaceMap, truth: SurfaceMap) -> Score:
         name: _measure(mine.take(surface.origin == origin), true, half)
         for origin, name in enumerate(ORIGINS)
     }
-    inserted = mine.take(surface.origin != MEASURED)
+    is_inserted = surface.origin != MEASURED
+    inserted, origin = mine.take(is_inserted), surface.origin[is_inserted]
+    phantom = ~_correct(inserted, true, half)
     true_cells, false_levels = len(truth.cells.ix), total.correctness.rest
     return Score(
         true_cells=true_cells,
         false_levels=false_levels,
         false_levels_per_cell=false_levels / true_cells if true_cells else None,
         levels_missed=total.completeness.rest,
-        phantom_closings=Share.among(~_correct(inserted, true, half)),
+        phantom_closings=Share.among(phantom),
+        phantom_places=count_by_place(
+            inserted.take(phantom), origin[phantom], true, surface.cell_size
+        ),
         honest_red=by_origin["artificial"].correctness,
         total=total,
         by_origin=by_origin,
     )
-
-
-class Patches(NamedTuple):
-    """What of a map is compared: where its patches are, and which are vertical."""
-
-    ix: Int32
-    iy: Int32
-    low: Float64
-    high: Float64
-    vertical: Bool
-
-    @classmethod
-    def of(cls, surface: SurfaceMap) -> Patches:
-        """Return the patches of a map."""
-        return cls(surface.ix, surface.iy, surface.low_end, surface.height, surface.depth > 0)
-
-    def take(self, which: Bool) -> Patches:
-        """Return the patches that a mask chooses."""
-        columns: list[Any] = [column[which] for column in self]
-        return Patches(*columns)
 
 
 def _measure(mine: Patches, true: Patches, half: float) -> Measures:

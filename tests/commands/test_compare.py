@@ -95,6 +95,7 @@ def test_against_the_truth_the_report_tells_every_measure(folder: Path) -> None:
         "  false levels          4, 0.333333 for each true cell",
         "  levels missed         1",
         "  phantom closings      100.00 %: 4 of 4 inserted patches",
+        "  their places          4 elsewhere",
         "  honest red            0.00 %: 0 of 4 artificial patches on a true surface",
         "  flat called vertical  0.00 %: 0 of 12 flat true patches",
         "  measured              91.67 % found by these alone, 100.00 % correct; "
@@ -102,6 +103,23 @@ def test_against_the_truth_the_report_tells_every_measure(folder: Path) -> None:
         "  artificial            0.00 % found by these alone, 0.00 % correct; "
         "heights none to compare",
     ]
+
+
+def test_against_the_truth_the_report_says_where_phantom_closings_are(folder: Path) -> None:
+    walls = [Patch(x, 9, z, 1.0, 0, 1) for x in (3, 4, 8) for z in (1.0, 4.0)]
+    ledges = [Patch(x, y, 0.0, 0.0, 0, 1) for x, y in ((3, 6), (8, 6), (6, 3), (6, 9))]
+    windows = [Patch(x, 9, 2.0, 0.0, 2, 0) for x in (3, 4)]
+    hole, too_high = Patch(6, 6, 0.0, 0.0, 2, 0), Patch(3, 2, 0.4, 0.0, 1, 0)
+    passage = [Patch(x, 1, 1.0, 0.0, 2, 0) for x in range(3)]
+    write_map(folder / "flight.npz", map_of([hole, too_high, *windows, *passage]))
+    write_map(folder / "town.npz", map_of(FLOOR + DECK + walls + ledges))
+    done = mls("compare", "flight.npz", "--truth", "town.npz", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "  phantom closings      100.00 %: 7 of 7 inserted patches" in done.stdout
+    assert (
+        "  their places          3 under a deck, 2 in a window, 1 in a hole of the ground, "
+        "1 off their level\n" in done.stdout
+    )
 
 
 def test_a_truth_that_knows_its_surfaces_is_made_anew_on_the_grid_of_the_map(folder: Path) -> None:

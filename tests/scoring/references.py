@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -102,6 +103,32 @@ def correct(patch: Patch, truth: list[Patch], half: float) -> bool:
         true for true in truth if abs(true.ix - patch.ix) <= 1 and abs(true.iy - patch.iy) <= 1
     ]
     return on_a_surface(patch, around, half)
+
+
+def place(patch: Patch, truth: list[Patch], margin: float) -> str:
+    """Say where a phantom closing stands, by what is true in its cell."""
+    here = sorted((t for t in truth if t.cell == patch.cell), key=lambda t: t.height)
+    if not here and _is_inside(patch, truth):
+        return "in_hole"
+    for lower, upper in pairwise(here):
+        begin = max(patch.low, lower.height + margin)
+        end = min(patch.height, upper.low - margin)
+        # A flat patch is a point, which lies strictly inside; another reaches in with some length.
+        inside = begin == end and begin not in (lower.height + margin, upper.low - margin)
+        if begin < end or (patch.depth == 0 and inside):
+            return "in_window" if lower.depth > 0 and upper.depth > 0 else "under_deck"
+    return "off_level" if any(apart(patch, t) <= margin for t in here) else "elsewhere"
+
+
+def _is_inside(patch: Patch, truth: list[Patch]) -> bool:
+    """Tell whether true cells lie on all four sides of a patch, however far."""
+    row = [t.ix for t in truth if t.iy == patch.iy]
+    column = [t.iy for t in truth if t.ix == patch.ix]
+    return all(
+        any(sign * other < sign * mine for other in others)
+        for mine, others in ((patch.ix, row), (patch.iy, column))
+        for sign in (1, -1)
+    )
 
 
 def nearest(true: Patch, patches: list[Patch], half: float) -> Patch | None:

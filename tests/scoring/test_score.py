@@ -2,12 +2,14 @@
 
 Ways to pass without being right: shares that are always 1 or of the wrong whole; limits that are
 never met exactly; a wall judged by its ends alone; a sign lost in the bias; false patches counted
-as found, or inserted ones that are right counted as phantoms.
+as found, or inserted ones that are right counted as phantoms; places of phantoms that are told by
+the lower end alone, or that let a wall through a passage pass.
 """
 
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -18,6 +20,7 @@ import pytest
 from mlscli.cells import GREATEST, LEAST
 from mlscli.errors import UsageError
 from mlscli.scoring import HeightErrors, Measures, Score, Share, score
+from mlscli.scoring.places import PLACES
 from mlscli.surface_map import ORIGINS, SurfaceMap
 from tests.maps import CELL, Patch, map_of, patches_of, random_map, symmetries, turned_map
 from tests.scoring import references as slow
@@ -100,7 +103,7 @@ def agree(measures: Measures, expected: Measures) -> bool:
 
 
 def test_every_measure_is_what_the_slow_rules_say_in_total_and_by_origin() -> None:
-    seen = np.zeros(5, dtype=int)
+    seen, places = np.zeros(5, dtype=int), Counter[str]()
     for surface, truth in random_pairs(300):
         result = score(surface, truth)
         patches, true = patches_of(surface), patches_of(truth)
@@ -117,6 +120,15 @@ def test_every_measure_is_what_the_slow_rules_say_in_total_and_by_origin() -> No
         assert result.phantom_closings == the_share(
             sum(p in inserted for p in wrong), len(inserted)
         )
+        expected = Counter(
+            (slow.place(patch, true, CELL), ORIGINS[patch.origin])
+            for patch in wrong
+            if patch in inserted
+        )
+        assert result.phantom_places == {
+            place: {name: expected[place, name] for name in ORIGINS[1:]} for place in PLACES
+        }
+        places.update(place for place, _ in expected.elements())
         red = [patch for patch in patches if patch.origin == 2]
         assert result.honest_red == the_share(sum(p not in wrong for p in red), len(red))
         parts = result.total
@@ -128,6 +140,7 @@ def test_every_measure_is_what_the_slow_rules_say_in_total_and_by_origin() -> No
             parts.flat_called_vertical.count,
         ]
     assert seen.min() > 50
+    assert min(places[place] for place in PLACES) > 10, places
 
 
 # --- properties ---
@@ -305,6 +318,68 @@ def test_a_phantom_closing_is_an_inserted_patch_where_the_truth_is_open() -> Non
     in_the_floor = [flat(0.1, 0, 0, origin=1), flat(-0.1, 0, 1, origin=2)]
     result = scored([*truth[2:], *in_the_floor, *under_the_bridge], truth)
     assert result.phantom_closings == Share(2, 4, 1 / 2)
+
+
+def the_places(patch: Patch, *truth: Patch) -> dict[str, int]:
+    """Return in which places a patch is a phantom closing."""
+    places = scored([patch], list(truth)).phantom_places
+    return {place: sum(by.values()) for place, by in places.items() if any(by.values())}
+
+
+def test_a_phantom_closing_between_floor_and_deck_is_under_a_deck() -> None:
+    bridge = [flat(0.0), flat(4.0)]
+    for z in (1.001 * CELL, 2.0, 3.999 - CELL):
+        assert the_places(flat(z, origin=2), *bridge) == {"under_deck": 1}
+    for z in (CELL, 4.0 - CELL):
+        assert the_places(flat(z, origin=2), *bridge) == {"off_level": 1}
+    for z in (-1.001 * CELL, 4.001 + CELL):
+        assert the_places(flat(z, origin=2), *bridge) == {"elsewhere": 1}
+
+
+def test_a_wall_that_fills_the_passage_under_a_deck_is_under_it() -> None:
+    bridge = [flat(0.0), flat(4.0)]
+    for low, high in ((0.0, 4.0), (-1.0, 9.0), (0.0, 0.6), (3.4, 4.0), (1.0, 2.0)):
+        assert the_places(wall(low, high, origin=1), *bridge) == {"under_deck": 1}
+    assert the_places(wall(0.0, CELL, origin=1), *bridge) == {"off_level": 1}
+    assert the_places(wall(4.0, 9.0, origin=1), *bridge) == {"off_level": 1}
+    assert the_places(wall(5.0, 9.0, origin=1), *bridge) == {"elsewhere": 1}
+
+
+def test_between_sill_and_lintel_is_a_window_and_between_floor_and_lintel_a_gate() -> None:
+    sill, lintel, ground = wall(0.0, 1.0), wall(3.0, 4.0), flat(0.0)
+    for patch in (flat(2.0, origin=2), wall(1.0, 3.0, origin=2)):
+        assert the_places(patch, sill, lintel) == {"in_window": 1}
+        assert the_places(patch, ground, lintel) == {"under_deck": 1}
+        assert the_places(patch, sill, flat(3.5)) == {"under_deck": 1}
+
+
+def test_a_phantom_closing_in_a_hole_of_the_ground_has_ground_on_all_four_sides() -> None:
+    ring = [patch for patch in floor(7) if not (1 < patch.ix < 5 and 1 < patch.iy < 5)]
+    middle = flat(0.0, 3, 3, origin=2)
+    assert the_places(middle, *ring) == {"in_hole": 1}
+    assert the_places(wall(-2.0, 1.0, 3, 3, origin=2), *ring) == {"in_hole": 1}
+    # One cell sideways from a true surface a patch is still correct.
+    assert the_places(flat(0.0, 2, 3, origin=2), *ring) == {}
+    for open_side in ("ix", "iy"):
+        for sign in (1, -1):
+            bay = [patch for patch in ring if sign * (getattr(patch, open_side) - 3) < 2]
+            assert the_places(middle, *bay) == {"elsewhere": 1}
+
+
+def test_what_is_right_or_measured_is_in_no_place() -> None:
+    bridge = [flat(0.0), flat(4.0)]
+    assert the_places(flat(2.0, origin=0), *bridge) == {}
+    assert the_places(flat(0.0, origin=2), *bridge) == {}
+    # A wall beside the passage excuses what is inserted into the cell beside it.
+    assert the_places(wall(0.0, 4.0, origin=2), *bridge, wall(0.0, 4.0, 1)) == {}
+
+
+def test_phantom_closings_in_a_place_are_told_by_origin() -> None:
+    bridge = [flat(z, x) for x in range(3) for z in (0.0, 4.0)]
+    phantoms = [flat(2.0, 0, origin=1), flat(2.0, 1, origin=2), flat(2.0, 2, origin=2)]
+    places = scored(phantoms, bridge).phantom_places
+    assert places["under_deck"] == {"plastered": 1, "artificial": 2}
+    assert set(places) == set(PLACES)
 
 
 def test_a_measured_patch_is_no_phantom() -> None:
