@@ -1,0 +1,121 @@
+"""What every decoder of clouds makes of a message, and what decoders share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+
+import numpy as np
+
+from mlscli.io.base import rows_by_first_appearance
+from mlscli.typing import Array, Float64
+
+KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
+"""Names of the field or channel that tells the keyframe of each point."""
+
+_NANOSECONDS = 10**9
+
+
+class MalformedCloudError(ValueError):
+    """A message contradicts itself or lacks a coordinate; says what was found and expected."""
+
+
+class Part(NamedTuple):
+    """Points of a message that are in one frame at one time.
+
+    Attributes
+    ----------
+    points : float64 (N, 3)
+        NaN where nothing was measured.
+    keyframes : (N,) or None
+        The keyframe of each point; None where the message does not tell them apart.
+    frame_id : str
+        As recorded; empty where none is stated.
+    stamp : float
+        Time in seconds; NaN where none is stated.
+    skipped : int
+        Things beside the points that hold none, as markers that are text.
+    """
+
+    points: Float64
+    keyframes: Array | None = None
+    frame_id: str = ""
+    stamp: float = math.nan
+    skipped: int = 0
+
+    def split(self) -> list[Float64]:
+        """Return a cloud for each keyframe, in order of first appearance."""
+        if self.keyframes is None or not len(self.points):
+            return [self.points]
+        return [self.points[rows] for rows in rows_by_first_appearance(self.keyframes)]
+
+
+def seconds(time: Any) -> float:
+    """Return a time of ROS, protobuf or json in seconds."""
+    if hasattr(time, "seconds"):
+        return float((time.seconds * _NANOSECONDS + time.nanos) / _NANOSECONDS)
+    nanoseconds = time.nanosec if hasattr(time, "nanosec") else time.nsec
+    return float((time.sec * _NANOSECONDS + nanoseconds) / _NANOSECONDS)
+
+
+def keyframe_field(names: Iterable[str]) -> str | None:
+    """Return the name of the field that tells keyframes apart, if there is one."""
+    return next((name for name in KEYFRAME_FIELDS if name in names), None)
+
+
+def stacked(columns: Sequence[Array]) -> Float64:
+    """Return columns of one shape, of any numbers, as float64 rows."""
+    rows = np.empty((columns[0].size, len(columns)))
+    for number, column in enumerate(columns):
+        rows[:, number] = column.reshape(-1)
+    return rows
+
+
+def vectors(structures: Array, names: str = "xyz") -> Float64:
+    """Return the named fields of a structured array (N,) as rows, float64."""
+    return stacked([structures[name] for name in names])
+
+
+def placed(points: Float64, pose: Any) -> Float64:
+    """Move points by the pose of what holds them.
+
+    A quaternion of zeros, as in poses that nobody filled in, turns nothing; so RViz has it.
+    """
+    turn, shift = pose.orientation, pose.position
+    quaternion = np.array([turn.x, turn.y, turn.z, turn.w], dtype=np.float64)
+    length = np.sqrt(np.square(quaternion).sum())
+    if not np.isfinite(length):
+        return np.full_like(points, np.nan)
+    if length and quaternion[:3].any():
+        from scipy.spatial.transform import Rotation
+
+        points = Rotation.from_quat(quaternion).apply(points)
+    return points + np.array([shift.x, shift.y, shift.z], dtype=np.float64)
+
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def checked(type_: str, decode: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Let a decoder refuse what is not laid out as its type is.
+
+    Definitions are recorded beside messages, and json has none: a field can be missing or be of
+    another kind than its name says.
+    """
+
+    @wraps(decode)
+    def decode_checked(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        try:
+            # What is not finite is no reason to warn: it is dropped later, and counted.
+            with np.errstate(all="ignore"):
+                return decode(*args, **kwargs)
+        except MalformedCloudError:
+            raise
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            words = " ".join(str(error).split())[:200]
+            raise MalformedCloudError(f"is not laid out as {type_} is: {words}") from error
+
+    return decode_checked
