@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-import struct
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.typesys import Stores, get_typestore
 
 from mlscli.errors import InputError, UsageError
 from mlscli.io.base import Cloud, Topic, Wanted, everything
-from mlscli.io.messages import CLOUD_TYPES, Decoded
+from mlscli.io.container import Channel, Message
+from mlscli.io.decoding import Deserializer, reason
+from mlscli.io.messages import CLOUD_TYPES, Part
 
 _NANOSECONDS = 10**9
 
@@ -90,29 +90,31 @@ class RosBag:
         self.losses = []
         came = lost = 0
         broken_off = first_fault = ""
+        deserializer = Deserializer()
         with self._open() as reader:
             messages = reader.messages(_connections(reader, self._topic.name, self._topic.type))
             while True:
                 # A damaged bag can fail in any way the storage and compression libraries know.
                 try:
-                    connection, _, raw = next(messages)
+                    message = _message(reader, *next(messages))
                 except StopIteration:
                     break
                 except Exception as error:
-                    broken_off = f" before it breaks off: {_reason(error)}"
+                    broken_off = f" before it breaks off: {reason(error)}"
                     break
                 came += 1
-                stamp = _header_stamp(raw, reader.is2)
+                stamp = deserializer.stamp(message)
                 if not (math.isnan(stamp) or wanted(stamp)):
                     continue
                 try:
-                    decoded, frame_id = _decode(reader, connection, raw)
+                    parts = _decode(deserializer, message)
                 except Exception as error:
                     lost += 1
-                    first_fault = first_fault or f"the first at {stamp:.9f}: {_reason(error)}"
+                    first_fault = first_fault or f"the first at {stamp:.9f}: {reason(error)}"
                     continue
-                for points in decoded.split():
-                    yield Cloud(points, stamp, frame_id=frame_id)
+                for part in parts:
+                    for points in part.split():
+                        yield Cloud(points, part.stamp, frame_id=part.frame_id)
         declared = self._topic.count
         if broken_off or came < declared:
             self.losses.append(
@@ -172,13 +174,13 @@ class RosBag:
 
     def _first_frame(self, reader: AnyReader, name: str, type_: str) -> str:
         try:
-            connection, _, raw = next(reader.messages(_connections(reader, name, type_)))
-            decoded, frame_id = _decode(reader, connection, raw)
+            first = next(reader.messages(_connections(reader, name, type_)))
+            parts = _decode(Deserializer(), _message(reader, *first))
         except Exception:  # What is wrong with the message is told when it is read.
             return ""
-        if decoded.keyframes is not None:
+        if len(parts) != 1 or parts[0].keyframes is not None:
             self._split.add(name)
-        return frame_id
+        return parts[0].frame_id if parts else ""
 
     @contextmanager
     def _open(self) -> Iterator[AnyReader]:
@@ -196,10 +198,8 @@ class RosBag:
                 reader = AnyReader([link], default_typestore=get_typestore(Stores.LATEST))
                 reader.open()
             except Exception as error:
-                reason = _reason(error).replace(str(link), str(self.path))
-                raise InputError(
-                    f"{self.path}: cannot be read as a {self.kind}: {reason}"
-                ) from error
+                why = reason(error).replace(str(link), str(self.path))
+                raise InputError(f"{self.path}: cannot be read as a {self.kind}: {why}") from error
             try:
                 yield reader
             finally:
@@ -210,25 +210,26 @@ def _connections(reader: AnyReader, topic: str, type_: str) -> list[Connection]:
     return [c for c in reader.connections if (c.topic, c.msgtype) == (topic, type_)]
 
 
-def _decode(reader: AnyReader, connection: Connection, raw: bytes) -> tuple[Decoded, str]:
-    """Return the points of a message and the frame they are in."""
-    message: Any = reader.deserialize(raw, connection.msgtype)
-    return CLOUD_TYPES[connection.msgtype](message), message.header.frame_id
-
-
-def _header_stamp(raw: bytes, is_ros2: bool) -> float:
-    """Return the time of a message that begins with a header, without decoding it.
-
-    In both serializations it stands after four bytes: ROS 1's sequence number, or the mark of
-    ROS 2 that tells the byte order. NaN where the message is too short for one.
-    """
-    if len(raw) < 12:
-        return math.nan
-    big_endian = is_ros2 and not raw[1] & 1
-    seconds, nanoseconds = struct.unpack_from(
-        (">" if big_endian else "<") + ("iI" if is_ros2 else "II"), raw, 4
+def _message(reader: AnyReader, connection: Connection, time: int, data: bytes) -> Message:
+    encoding, dialect = ("cdr", "ros2msg") if reader.is2 else ("ros1", "ros1msg")
+    schema_encoding = {
+        MessageDefinitionFormat.NONE: "",
+        MessageDefinitionFormat.MSG: dialect,
+        MessageDefinitionFormat.IDL: "ros2idl",
+    }[connection.msgdef.format]
+    channel = Channel(
+        connection.topic,
+        connection.msgtype,
+        encoding,
+        connection.msgdef.data.encode(),
+        schema_encoding,
+        connection.msgcount,
     )
-    return float((seconds * _NANOSECONDS + nanoseconds) / _NANOSECONDS)
+    return Message(channel, time, data)
+
+
+def _decode(deserializer: Deserializer, message: Message) -> list[Part]:
+    return CLOUD_TYPES[message.channel.type](deserializer.read(message))
 
 
 def _mcap_profile(path: Path) -> str:
@@ -238,12 +239,6 @@ def _mcap_profile(path: Path) -> str:
         head = file.read(21)
         length = int.from_bytes(head[17:21], "little")
         return file.read(min(length, 64)).decode(errors="replace")
-
-
-def _reason(error: Exception) -> str:
-    """Say on one line what a library found wrong."""
-    words = " ".join(str(error).split())[:300].rstrip(".")
-    return words or f"it is damaged ({type(error).__name__})"
 
 
 def _listed(topics: Sequence[Topic]) -> str:

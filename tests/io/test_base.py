@@ -34,7 +34,7 @@ from mlscli.io.recording import open_recording
         ("hard/pcd_comma_body.pcd", "PCD"),
         ("bags/ros1_ouster_in_mcap_zstd.mcap", "profile 'ros1'"),
         ("bags/ros1_no_messages.bag", "no topics"),
-        ("bags/ros1_luminar_pc2_lz4.bag", "--frame luminar_lidar"),
+        ("bags/ros1_tilt_laser_tf.bag", "--frame laser"),
         ("bags", "no metadata.yaml"),
     ],
 )
