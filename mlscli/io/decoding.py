@@ -18,13 +18,16 @@ from rosbags.interfaces import Nodetype
 from mlscli.io.container import Channel, Message
 from mlscli.io.definitions import typestore_of
 from mlscli.io.flat import FlatReader
-from mlscli.io.parts import seconds
+from mlscli.io.parts import one_line, seconds
 
 _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 
 class MalformedMessageError(ValueError):
     """The bytes of a message are not what its definition says; says on one line what is wrong."""
+
+    def __init__(self, words: str) -> None:
+        super().__init__(one_line(words))
 
 
 class Deserializer:
@@ -85,8 +88,7 @@ class Deserializer:
 
 def reason(error: Exception) -> str:
     """Say on one line what a library found wrong."""
-    words = " ".join(str(error).split())[:300].rstrip(".")
-    return words or f"it is damaged ({type(error).__name__})"
+    return one_line(str(error)) or f"it is damaged ({type(error).__name__})"
 
 
 class _Codec(Protocol):
@@ -148,7 +150,8 @@ class _Named:
     def head(self, data: bytes) -> tuple[float, str]:
         message = self.read(data)
         stamp = seconds(message.timestamp) if hasattr(message, "timestamp") else math.nan
-        return stamp, str(getattr(message, "frame_id", ""))
+        frame = getattr(message, "frame_id", "")
+        return stamp, frame if isinstance(frame, str) else ""
 
 
 class _Unreadable:

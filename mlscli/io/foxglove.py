@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.io.laserscan import polar
-from mlscli.io.parts import MalformedCloudError, Part, placed, seconds
+from mlscli.io.parts import MalformedCloudError, Part, part_of, placed
 from mlscli.io.pointcloud2 import Field, Packed
 from mlscli.typing import Array, Float64
 
@@ -56,7 +56,7 @@ def _part(message: Any, points: Float64, keyframes: Array | None) -> Part:
     pose = getattr(message, "pose", None)
     if pose is not None:
         points = placed(points, pose)
-    return Part(points, keyframes, message.frame_id, seconds(message.timestamp))
+    return part_of(points, message.frame_id, message.timestamp, keyframes)
 
 
 def _bytes(data: Any) -> Array:

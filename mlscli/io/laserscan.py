@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.io.parts import Part, seconds
+from mlscli.io.parts import Part, part_of
 from mlscli.typing import Float64
 
 
@@ -22,7 +22,7 @@ def decode_laserscan(message: Any) -> list[Part]:
     angles = message.angle_min + np.arange(len(ranges)) * message.angle_increment
     valid = (ranges >= message.range_min) & (ranges <= message.range_max)
     points = polar(np.where(valid, ranges, np.nan), angles)
-    return [Part(points, None, message.header.frame_id, seconds(message.header.stamp))]
+    return [part_of(points, message.header.frame_id, message.header.stamp)]
 
 
 def polar(ranges: Float64, angles: Float64) -> Float64:

@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.io.parts import Part, placed, seconds, vectors
+from mlscli.io.parts import Part, part_of, placed, vectors
 from mlscli.typing import Float64
 
 # visualization_msgs/Marker: the type of an object and what to do with it.
 _CUBE, _SPHERE, _CUBE_LIST, _SPHERE_LIST, _POINTS = 1, 2, 6, 7, 8
 _ADD = 0
+
+_NONE = np.empty((0, 3))
 
 
 def decode_marker(message: Any) -> list[Part]:
@@ -34,18 +36,25 @@ def decode_markerarray(message: Any) -> list[Part]:
 
 
 def _parts(markers: Iterable[Any]) -> list[Part]:
-    clouds: dict[tuple[str, float], list[Float64 | None]] = {}
+    clouds: dict[tuple[str, float], list[Part]] = {}
     for marker in markers:
         # What is deleted was a point once, and has been read then.
         if marker.action == _ADD:
-            key = (marker.header.frame_id, seconds(marker.header.stamp))
-            clouds.setdefault(key, []).append(_centres(marker))
-    parts = []
-    for (frame_id, stamp), found in clouds.items():
-        points = [centres for centres in found if centres is not None]
-        together = np.concatenate([np.empty((0, 3)), *points])
-        parts.append(Part(together, None, frame_id, stamp, len(found) - len(points)))
-    return parts
+            header, points = marker.header, _centres(marker)
+            part = part_of(
+                _NONE if points is None else points,
+                header.frame_id,
+                header.stamp,
+                skipped=int(points is None),
+            )
+            clouds.setdefault((part.frame_id, part.stamp), []).append(part)
+    return [
+        parts[0]._replace(
+            points=np.concatenate([part.points for part in parts]),
+            skipped=sum(part.skipped for part in parts),
+        )
+        for parts in clouds.values()
+    ]
 
 
 def _centres(marker: Any) -> Float64 | None:

@@ -21,6 +21,9 @@ _NANOSECONDS = 10**9
 class MalformedCloudError(ValueError):
     """A message contradicts itself or lacks a coordinate; says what was found and expected."""
 
+    def __init__(self, words: str) -> None:
+        super().__init__(one_line(words))
+
 
 class Part(NamedTuple):
     """Points of a message that are in one frame at one time.
@@ -52,12 +55,36 @@ class Part(NamedTuple):
         return [self.points[rows] for rows in rows_by_first_appearance(self.keyframes)]
 
 
+def one_line(words: str) -> str:
+    """Return words, as of a library or of names that a message holds, as a line not too long."""
+    return " ".join(words.split())[:400].rstrip(".")
+
+
+def part_of(
+    points: Float64, frame_id: Any, time: Any, keyframes: Array | None = None, skipped: int = 0
+) -> Part:
+    """Return points with their frame and time as the message states them.
+
+    Raises
+    ------
+    MalformedCloudError
+        They are no points, or not what their type makes them.
+    """
+    if not isinstance(frame_id, str):
+        raise MalformedCloudError(f"frame {str(frame_id)[:50]!r}, expected text")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise MalformedCloudError(f"coordinates of shape {points.shape}, expected (N, 3)")
+    return Part(points, keyframes, frame_id, seconds(time), skipped)
+
+
 def seconds(time: Any) -> float:
     """Return a time of ROS, protobuf or json in seconds."""
     if hasattr(time, "seconds"):
-        return float((time.seconds * _NANOSECONDS + time.nanos) / _NANOSECONDS)
-    nanoseconds = time.nanosec if hasattr(time, "nanosec") else time.nsec
-    return float((time.sec * _NANOSECONDS + nanoseconds) / _NANOSECONDS)
+        whole, nanoseconds = time.seconds, time.nanos
+    else:
+        whole, nanoseconds = time.sec, time.nanosec if hasattr(time, "nanosec") else time.nsec
+    # Text times a number is a long text.
+    return (int(whole) * _NANOSECONDS + int(nanoseconds)) / _NANOSECONDS
 
 
 def keyframe_field(names: Iterable[str]) -> str | None:
@@ -115,7 +142,6 @@ def checked(type_: str, decode: Callable[_P, _R]) -> Callable[_P, _R]:
         except MalformedCloudError:
             raise
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            words = " ".join(str(error).split())[:200]
-            raise MalformedCloudError(f"is not laid out as {type_} is: {words}") from error
+            raise MalformedCloudError(f"is not laid out as {type_} is: {error}") from error
 
     return decode_checked

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mlscli.io.parts import MalformedCloudError, Part, keyframe_field, seconds, vectors
+from mlscli.io.parts import MalformedCloudError, Part, keyframe_field, part_of, vectors
 
 
 def decode_pointcloud(message: Any) -> list[Part]:
@@ -29,10 +29,10 @@ def decode_pointcloud(message: Any) -> list[Part]:
             f"{len(keyframes)} values in channel {name}, expected one for each of "
             f"{len(points)} points"
         )
-    return [Part(points, keyframes, message.header.frame_id, seconds(message.header.stamp))]
+    return [part_of(points, message.header.frame_id, message.header.stamp, keyframes)]
 
 
 def decode_posearray(message: Any) -> list[Part]:
     """Read the positions of a ``geometry_msgs/PoseArray``, its poses a structured array."""
     points = vectors(message.poses["position"])
-    return [Part(points, None, message.header.frame_id, seconds(message.header.stamp))]
+    return [part_of(points, message.header.frame_id, message.header.stamp)]

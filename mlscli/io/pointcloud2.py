@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.io.parts import MalformedCloudError, Part, keyframe_field, seconds, stacked
+from mlscli.io.parts import MalformedCloudError, Part, keyframe_field, part_of, stacked
 from mlscli.typing import Array, Float64
 
 # sensor_msgs/PointField: the number of a datatype and what it stands for.
@@ -95,32 +95,37 @@ def decode_pointcloud2(message: Any) -> list[Part]:
         A coordinate is missing, a field leaves its point, or the data is not as long as the
         layout says.
     """
+    # Whole numbers by their type; text times a number would be a long text.
+    height, width = int(message.height), int(message.width)
+    steps = int(message.row_step), int(message.point_step)
     points, keyframes = np.empty((0, 3)), None
-    if message.width * message.height:
+    if width * height:
         # Of two fields with one name the first counts; of several elements the first as well.
-        fields = {f.name: Field(f.offset, f.datatype) for f in reversed(message.fields)}
+        fields: dict[str, Field] = {}
+        for field in message.fields:
+            fields.setdefault(field.name, Field(field.offset, field.datatype))
         points, keyframes = Packed(
             np.asarray(message.data),
-            (message.height, message.width),
-            _strides(message),
-            dict(reversed(fields.items())),
+            (height, width),
+            _strides(len(message.data), height, width, *steps),
+            fields,
             _DATATYPES,
             ">" if message.is_bigendian else "<",
         ).unpack()
-    return [Part(points, keyframes, message.header.frame_id, seconds(message.header.stamp))]
+    return [part_of(points, message.header.frame_id, message.header.stamp, keyframes)]
 
 
-def _strides(message: Any) -> tuple[int, int]:
+def _strides(
+    length: int, height: int, width: int, row_step: int, point_step: int
+) -> tuple[int, int]:
     """Return the bytes from row to row and from point to point, checked against the data."""
-    row = message.width * message.point_step
+    row = width * point_step
     # A cloud of one row has no next row; some writers leave row_step unset there.
-    row_step = message.row_step if message.height > 1 else max(row, message.row_step)
-    length = len(message.data)
-    expected = message.height * row_step
-    if row_step < row or length not in (expected, expected - row_step + row):
+    apart = row_step if height > 1 else max(row, row_step)
+    expected = height * apart
+    if apart < row or length not in (expected, expected - apart + row):
         raise MalformedCloudError(
-            f"{length} bytes of data, expected {max(expected, message.height * row)} for width "
-            f"{message.width}, height {message.height}, point_step {message.point_step} and "
-            f"row_step {message.row_step}"
+            f"{length} bytes of data, expected {max(expected, height * row)} for width {width}, "
+            f"height {height}, point_step {point_step} and row_step {row_step}"
         )
-    return row_step, message.point_step
+    return apart, point_step

@@ -1,15 +1,13 @@
 """From the bytes of a message to an object.
 
 How these tests could be cheated: by reading everything with the types that come with a library,
-whatever the recording defines; or by swallowing what is wrong. So definitions contradict those
-of the distribution and each other, and damaged messages are counted one by one.
+whatever the recording defines. So definitions contradict those of the distribution and each
+other.
 """
 
 from __future__ import annotations
 
 import struct
-import time
-import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ import pytest
 
 from mlscli.io.container import Channel, Message
 from mlscli.io.decoding import Deserializer, MalformedMessageError
-from mlscli.io.messages import CLOUD_TYPES, MalformedCloudError
+from mlscli.io.messages import CLOUD_TYPES
 from mlscli.io.poses import POSE_TYPES, TRANSFORM_TYPES
 from tests import foxglove
 from tests.ros import ENCODINGS, STORES, header, random_message, serialized, vector
@@ -151,96 +149,6 @@ def test_nothing_stands_against_a_channel_that_can_be_read(spelling: str) -> Non
     message = foxglove.message(spelling, "PointCloud", FOXGLOVE_CLOUD)
 
     assert Deserializer().why_not(message.channel) == ""
-
-
-# --- damaged messages and hostile ones ---
-
-
-def read_whole(deserializer: Deserializer, message: Message) -> str:
-    """Decode a message; return what is wrong with it, if that is told as it should be."""
-    try:
-        DECODERS[message.channel.type](deserializer.read(message))
-    except (MalformedMessageError, MalformedCloudError) as error:
-        assert str(error)  # noqa: PT017
-        assert "\n" not in str(error)  # noqa: PT017
-        assert len(str(error)) < 600  # noqa: PT017
-        return str(error)
-    return ""
-
-
-def samples(type_: str) -> list[Message]:
-    """Return messages of a type in every serialization that it has."""
-    if type_.startswith("foxglove."):
-        name = type_.partition(".")[2]
-        content: dict[str, Any] = {
-            "PointCloud": FOXGLOVE_CLOUD,
-            "LaserScan": {
-                "timestamp": FOXGLOVE_CLOUD["timestamp"], "frame_id": "lidar",
-                "start_angle": 0.5, "end_angle": 1.5, "ranges": [1.0, 2.0],
-            },
-            "PoseInFrame": {name: FOXGLOVE_CLOUD[name] for name in ("timestamp", "pose")}
-            | {"frame_id": "map"},
-        }.get(name, {
-            "timestamp": FOXGLOVE_CLOUD["timestamp"], "parent_frame_id": "a",
-            "child_frame_id": "b", "translation": vector(1, 2, 3), "rotation": vector(0, 0, 0, 1),
-        })  # fmt: skip
-        if name == "FrameTransforms":
-            content = {"transforms": [content, content]}
-        return [foxglove.message(spelling, name, content) for spelling in ("protobuf", "json")]
-    rng = np.random.default_rng(5)
-    made = []
-    for encoding in ENCODINGS:
-        # The second of these random messages has sequences that are not empty.
-        for _ in range(2):
-            sent = random_message(STORES[encoding], type_, rng)
-            made.append(serialized(encoding, type_, sent))
-    return made
-
-
-@pytest.mark.parametrize("type_", DECODERS)
-def test_a_message_cut_anywhere_is_told_as_malformed(type_: str) -> None:
-    deserializer = Deserializer()
-    for message in samples(type_):
-        lengths = np.unique(np.linspace(0, len(message.data) - 1, 150).astype(int)).tolist()
-        faults = [
-            read_whole(deserializer, message._replace(data=message.data[:length]))
-            for length in lengths
-        ]
-        # In protobuf a message can end behind any field; CDR may lack what fills it up.
-        if message.channel.encoding in ("ros1", "json"):
-            assert all(faults)
-        assert sum(map(bool, faults)) > len(faults) // 2
-
-
-@pytest.mark.parametrize("type_", DECODERS)
-def test_a_message_with_flipped_bits_is_read_or_told_as_malformed(type_: str) -> None:
-    deserializer, rng = Deserializer(), np.random.default_rng(7)
-    for message in samples(type_):
-        for _ in range(150):
-            data = bytearray(message.data)
-            for place in rng.integers(0, len(data), 3):
-                data[place] ^= 1 << rng.integers(0, 8)
-            read_whole(deserializer, message._replace(data=bytes(data)))
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
-@pytest.mark.parametrize("type_", TYPES)
-def test_lengths_beyond_the_data_take_neither_memory_nor_time(encoding: str, type_: str) -> None:
-    message = serialized(encoding, type_, {})
-    deserializer = Deserializer()
-    read_whole(deserializer, message)
-    padded = message.data + bytes(64)
-    tracemalloc.start()
-    begin = time.perf_counter()
-    for place in range(4 if encoding == "cdr" else 0, len(padded) - 4):
-        data = padded[:place] + b"\xff\xff\xff\x7f" + padded[place + 4 :]
-        read_whole(deserializer, message._replace(data=data))
-    seconds = time.perf_counter() - begin
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-
-    assert peak < 2**22
-    assert seconds < 20
 
 
 @pytest.mark.parametrize(
