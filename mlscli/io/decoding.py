@@ -122,10 +122,8 @@ class _Ros:
     def read(self, data: bytes) -> Any:
         if self._flat is not None:
             return self._flat.read(data)
-        # A sequence cannot have more elements than the message has bytes. A memoryview saves
-        # the copy that CDR is otherwise stripped of its first bytes by.
-        self._store.max_sequence_length = max(1, len(data))
         deserialize = self._store.deserialize_cdr if self._is_cdr else self._store.deserialize_ros1
+        # Of a memoryview the part behind CDR's first bytes is no copy.
         return deserialize(memoryview(data), self._type)
 
     def head(self, data: bytes) -> tuple[float, str]:

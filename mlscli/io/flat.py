@@ -162,9 +162,7 @@ class FlatReader:
         def read(data: memoryview, at: int) -> tuple[str, int]:
             count, at = length(data, at)
             end = at + count
-            if end > len(data):
-                raise ValueError(f"it states a string of {count} bytes, more than it holds")
-            return str(data[at : max(at, end - zero)], "utf-8"), end
+            return str(data[at : end - zero], "utf-8"), end
 
         return read
 
@@ -174,10 +172,7 @@ class FlatReader:
         def read(data: memoryview, at: int, count: int) -> tuple[Array, int]:
             # Without elements there is no gap before them.
             at = (at + gap) & ~gap if count else at
-            end = at + count * layout.itemsize
-            if end > len(data):
-                raise ValueError(f"it states {count} elements, more than it holds")
-            return np.frombuffer(data, layout, count, at), end
+            return np.frombuffer(data, layout, count, at), at + count * layout.itemsize
 
         return read
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mlscli.io.flat import FlatReader
 from tests.ros import ENCODINGS, STORES, random_message, serialized
@@ -90,3 +91,40 @@ def test_a_message_that_is_too_short_or_too_long_is_refused(encoding: str) -> No
             read(data[:length])
     with pytest.raises(ValueError, match="expected"):
         read(data + bytes(4))
+
+
+def test_a_middleware_of_ros_2_may_fill_up_the_last_four_bytes() -> None:
+    type_ = "geometry_msgs/msg/PoseArray"
+    sent = random_message(STORES["cdr"], type_, np.random.default_rng(3))
+    data = serialized("cdr", type_, sent).data
+
+    assert plain(reader("cdr", type_).read(data + bytes(3))) == plain(sent)
+    with pytest.raises(ValueError, match="expected"):
+        reader("ros1", type_).read(serialized("ros1", type_, {}).data + bytes(1))
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize(
+    ("fields", "pays"),
+    [
+        ("uint8 a\nfloat64 b\n", {"ros1": True, "cdr": False}),
+        ("float64 b\nuint8 a\n", {"ros1": True, "cdr": False}),
+        ("uint16 a\nuint16 b\n", {"ros1": True, "cdr": True}),
+        ("string a\nuint16 b\n", {"ros1": False, "cdr": False}),
+        ("uint16 b\nuint8[3] a\n", {"ros1": False, "cdr": False}),
+    ],
+)
+def test_structures_of_different_sizes_have_gaps_in_cdr(
+    encoding: str, fields: str, pays: dict[str, bool]
+) -> None:
+    store, type_ = get_typestore(Stores.EMPTY), "a_msgs/msg/A"
+    store.register(get_types_from_msg("string name\nB[] some\nB[2] two\n", type_))
+    store.register(get_types_from_msg(fields, "a_msgs/msg/B"))
+    serialize = store.serialize_ros1 if encoding == "ros1" else store.serialize_cdr
+    flat = FlatReader(type_, store.fielddefs, is_cdr=encoding == "cdr")
+    rng = np.random.default_rng(4)
+
+    for _ in range(30):
+        sent: Any = random_message(store, type_, rng)
+        assert plain(flat.read(bytes(serialize(sent, type_)))) == plain(sent)
+    assert flat.pays == pays[encoding]

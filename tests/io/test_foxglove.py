@@ -6,6 +6,7 @@ are identities. So each is written in all spellings, with a quarter turn.
 
 from __future__ import annotations
 
+import base64
 import struct
 from collections.abc import Sequence
 from typing import Any
@@ -151,6 +152,20 @@ def test_json_of_another_shape_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(MalformedCloudError) as error:
         decode("json", cloud("fff", [(1, 2, 3)], **FLOATS) | changes)
     assert "\n" not in str(error.value)
+
+
+def test_bytes_with_what_is_no_base64_among_them_are_refused() -> None:
+    whole = base64.b64encode(struct.pack("<3f", 1, 2, 3)).decode()
+
+    with pytest.raises(MalformedCloudError, match="base64"):
+        decode("json", cloud("fff", [], **FLOATS) | {"data": f"{whole[:4]}!\n{whole[4:]}"})
+
+
+def test_a_scan_of_rows_is_refused() -> None:
+    content = {"timestamp": STAMP, "frame_id": "laser", "start_angle": 0, "end_angle": 1}
+
+    with pytest.raises(MalformedCloudError, match=r"shape \(2, 6\), expected \(N, 3\)"):
+        decode("json", content | {"ranges": [[1, 2], [3, 4]]}, "LaserScan")
 
 
 @pytest.mark.parametrize("absent", ["timestamp", "frame_id", "point_stride", "fields", "data"])

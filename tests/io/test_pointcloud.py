@@ -52,6 +52,14 @@ def test_a_keyframe_channel_splits_a_point_cloud(encoding: str, name: str) -> No
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
+def test_of_two_channels_with_one_name_the_first_counts(encoding: str) -> None:
+    content = point_cloud("kf", [7, 3, 7, 3])
+    content["channels"].append({"name": "kf", "values": [1, 1, 1, 1]})
+
+    assert len(decode(encoding, POINT_CLOUD, content).split()) == 2
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_keyframe_channel_of_another_length_is_refused(encoding: str) -> None:
     with pytest.raises(MalformedCloudError, match="3 values in channel kf, expected one for each"):
         decode(encoding, POINT_CLOUD, point_cloud("kf", [1, 2, 3]))
