@@ -58,7 +58,7 @@ class FlatReader:
                 element: Any = desc
                 if desc[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE):
                     element = desc[1][0]
-                    if element[0] == Nodetype.NAME and self._layout(element):
+                    if element[0] == Nodetype.NAME and self._layout(element) is not None:
                         return True
                 if element[0] == Nodetype.NAME and element[1] not in seen:
                     seen.add(element[1])
