@@ -84,7 +84,7 @@ def test_the_identity_leaves_every_bit_as_it_is() -> None:
         moved = apply(Pose(np.zeros(3), sign * IDENTITY), points)
         assert moved.tobytes() == points.tobytes()
     moved = apply(Pose(np.array([1.0, 0.0, 0.0]), IDENTITY), points)
-    np.testing.assert_array_equal(moved, points + [1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(moved, points + np.array([1.0, 0.0, 0.0]))
 
 
 def test_a_point_that_is_not_finite_spoils_no_other() -> None:
@@ -139,7 +139,7 @@ def test_between_two_poses_it_is_linear_and_slerp() -> None:
 
 def test_at_its_own_time_a_pose_is_exact() -> None:
     rng = np.random.default_rng(7)
-    stamps, poses = np.arange(50) * 0.1, random_poses(rng, 50)
+    stamps, poses = np.linspace(0.0, 4.9, 50), random_poses(rng, 50)
 
     found = PoseTrack(stamps, poses.translation, poses.rotation).at(stamps)
 
