@@ -15,6 +15,9 @@ import numpy as np
 
 from mlscli.typing import Float64, Int32
 
+FARTHEST = 1e8
+"""Beyond this, a coordinate is no measurement."""
+
 UNKNOWN_POSITION = (math.nan, math.nan, math.nan)
 
 

@@ -14,21 +14,9 @@ from mlscli.errors import InputError, UsageError
 from mlscli.io.base import Cloud, Source, Topic, Wanted
 from mlscli.io.formats import open_source
 from mlscli.io.selection import Selection
-from mlscli.keyframes import UNKNOWN_POSITION, Keyframe
+from mlscli.keyframes import FARTHEST, UNKNOWN_POSITION, Keyframe
 from mlscli.typing import Bool, Float64
-
-FARTHEST = 1e8
-"""Beyond this, a coordinate is no measurement."""
-
-# Which axes of a point as recorded, and with which sign, become x, y and z of the map.
-UP_AXES = {
-    "z": ((0, 1, 2), (1.0, 1.0, 1.0)),
-    "-z": ((0, 1, 2), (1.0, -1.0, -1.0)),
-    "y": ((0, 2, 1), (1.0, -1.0, 1.0)),
-    "-y": ((0, 2, 1), (1.0, 1.0, -1.0)),
-    "x": ((2, 1, 0), (-1.0, 1.0, 1.0)),
-    "-x": ((2, 1, 0), (1.0, 1.0, -1.0)),
-}
+from mlscli.up import UP_AXES
 
 WORLD_FRAMES = (
     *("map", "odom", "odom_combined", "world", "earth", "global", "origin", "local_origin"),
