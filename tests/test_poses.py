@@ -195,6 +195,10 @@ def test_no_pose_tells_nothing() -> None:
 
 def test_of_equal_time_stamps_the_last_counts() -> None:
     assert xs_at(track_of([1, 0, 1, 2, 1], [5, 0, 6, 2, 1]), 1, 0.5, 1.5) == [1, 0.5, 1.5]
+    stamps = np.random.default_rng(8).integers(0, 10, 1000).astype(float).tolist()
+    last = dict(zip(stamps, range(1000), strict=True))
+    track = track_of(stamps, list(map(float, range(1000))))
+    assert xs_at(track, *map(float, range(10))) == [last[stamp] for stamp in range(10)]
 
 
 def test_poses_that_are_none_are_left_out() -> None:
@@ -219,6 +223,10 @@ def test_from_one_series_to_another_the_earlier_pose_holds() -> None:
 
     assert track.at(wanted).translation[:, 0].tolist() == [1.5, 3, 3, 6, 7.5, 9]
     assert track.series_at(wanted).tolist() == [7, 7, 7, 8, 8, 8]
+    pair = PoseTrack(np.arange(2.0), translations[:2], np.tile(IDENTITY, (2, 1)), np.array([7, 8]))
+    wanted = np.array([-np.inf, 0.9, 1.0, 1.4, np.inf])
+    assert pair.at(wanted[1:4]).translation[:, 0].tolist() == [0, 3, 3]
+    assert pair.series_at(wanted).tolist() == [7, 7, 8, 8, 8]
 
 
 def test_the_identity_is_known_at_all_times() -> None:

@@ -143,6 +143,10 @@ def test_what_is_told_after_a_lookup_counts_too() -> None:
     assert x_of(tree, "map", "base") == 2
     tree.add_static("base", "lidar", np.array([5.0, 0, 0]), IDENTITY)
     assert x_of(tree, "map", "lidar") == 7
+    tree.add_static("lidar", "window", np.array([1.0, 0, 0]), IDENTITY)
+    assert x_of(tree, "map", "window") == 8
+    tree.add("base", "window", *still(20))
+    assert x_of(tree, "map", "window") == 22
 
 
 def test_what_tells_nothing_is_left_out_and_counted() -> None:
@@ -178,6 +182,8 @@ def test_a_frame_hangs_below_the_parent_of_the_last_transform_before() -> None:
     assert poses.translation[:5, 0].tolist() == [105, 11, 11, 11, 105]
     assert poses.known.tolist() == [True] * 5 + [False]
     assert tree.ancestors("box") == ["box", "ship", "harbour"]
+    tree.add("train", "box", STAMPS + 6, *still(1)[1:])
+    assert tree.ancestors("box") == ["box", "train"]
 
 
 def test_where_frames_part_at_times_they_are_known_at_the_others() -> None:

@@ -81,6 +81,8 @@ def test_poses_are_in_the_order_of_time_and_the_last_of_a_time_counts(tmp_path: 
 
     assert trajectory.route.tolist() == [[1, 2, 0, 0], [2, 5, 0, 0], [3, 4, 0, 0]]
     assert not np.signbit(trajectory.route).any()
+    again = "".join(f"{number % 7} {number} 0 0\n" for number in range(700))
+    assert read(tmp_path, again).positions[:, 0].tolist() == list(range(693, 700))
 
 
 def test_positions_between_are_interpolated_and_hold_for_half_a_period(tmp_path: Path) -> None:
