@@ -5,21 +5,48 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
-from mlscli.errors import UsageError
+from mlscli.errors import InputError, UsageError
 from mlscli.typing import Float64
 
 COLUMNS = ("x", "y", "z", "keyframe", "t", "cx", "cy", "cz")
 
+BLOCK = 1 << 22
+"""Characters read at a time."""
+
+_LONGEST_LINE = 1 << 16
 _OTHER_NAMES = {"pos_x": "x", "pos_y": "y", "pos_z": "z", "kf": "keyframe", "kf_id": "keyframe"}
 _SEPARATOR = re.compile(r"[ \t]*[,;][ \t]*|[ \t]+")
 _SEPARATORS = ",; \t"
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _TO_BLANK = str.maketrans(",;", "  ")
 _WITHOUT_BLANKS = str.maketrans(";", ",", " \t")
+
+
+def blocks(file: TextIO, path: Path) -> Iterator[tuple[int, str]]:
+    """Yield whole lines a few megabytes at a time, with the number of the first.
+
+    Raises
+    ------
+    InputError
+        A line is longer than any row of numbers.
+    """
+    line = 1
+    while text := file.read(BLOCK):
+        if not text.endswith("\n"):
+            text += file.readline(_LONGEST_LINE)
+        if len(text) - text.rfind("\n") > _LONGEST_LINE:
+            raise InputError(
+                f"{path}:{line + text.count(chr(10))}: found a line of more than "
+                f"{_LONGEST_LINE} characters, expected a line for each point"
+            )
+        yield line, text
+        line += text.count("\n")
 
 
 def parse_columns(columns: str) -> dict[str, int]:
@@ -150,19 +177,19 @@ def first_fault(text: str, layout: dict[str, int]) -> tuple[int, str]:
         for name, place in layout.items() if words else ():
             if place >= len(words):
                 count = f"{len(words)} column{'s' if len(words) > 1 else ''}"
-                found = f"{count} ({_short(line.strip())})"
+                found = f"{count} ({short(line.strip())})"
                 return number, f"found {found}, expected {name} in column {place + 1}"
             word = words[place]
             optional = name != "keyframe" and not word
             if not optional and not (is_number(word) and _may_be(float(word), name)):
-                return number, f"found {_short(word) or 'nothing'} as {name}, expected a number"
+                return number, f"found {short(word) or 'nothing'} as {name}, expected a number"
     return 0, "found characters among the numbers that are no digits, expected plain numbers"
+
+
+def short(text: str) -> str:
+    """Quote a text, cut to what fits on a line."""
+    return repr(text if len(text) <= 40 else text[:37] + "...") if text else ""
 
 
 def _may_be(value: float, name: str) -> bool:
     return math.isfinite(value) or name != "keyframe"
-
-
-def _short(text: str) -> str:
-    """Quote a text, cut to what fits on a line."""
-    return repr(text if len(text) <= 40 else text[:37] + "...") if text else ""

@@ -10,23 +10,19 @@ columns a block at a time and parsed by numpy; only where that fails are its lin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.io import columns as lines
-from mlscli.io.base import Cloud, Topic, Wanted, everything, rows_by_first_appearance
-from mlscli.typing import Array, Bool, Float64, Int64
-
-_BLOCK = 1 << 22
-_LONGEST_LINE = 1 << 16
+from mlscli.io.base import Cloud, rows_by_first_appearance
+from mlscli.io.pointfile import Content, PointFile
+from mlscli.typing import Array, Bool, Float64
 
 
-class TextCloud:
+class TextCloud(PointFile):
     """A text cloud, held whole.
 
     Parameters
@@ -42,57 +38,22 @@ class TextCloud:
     """
 
     kind = "text cloud"
-    frame_id = ""
-    losses: Sequence[str] = ()
 
     def __init__(self, path: Path, columns: str | None = None) -> None:
-        self.path = path
+        super().__init__(path)
         self._layout = None if columns is None else lines.parse_columns(columns)
 
-    @property
-    def label(self) -> str:
-        """The path."""
-        return str(self.path)
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """How columns without a name were taken."""
-        return self._table.notes
-
-    @property
-    def expected_keyframes(self) -> int:
-        """How many keyframes it holds."""
-        return len(self._keyframes)
-
-    def topics(self) -> Sequence[Topic]:
-        """Return nothing: text has no topics."""
-        return ()
-
-    def time_span(self) -> tuple[float, float]:
-        """Return the first and the last time in seconds; NaN without a column t."""
-        stamps = self._table.column("t")
-        known = stamps[np.isfinite(stamps)]
-        return (float(known.min()), float(known.max())) if len(known) else (math.nan, math.nan)
-
-    def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
-        """Yield a cloud for each keyframe; its first row says when and where it was seen."""
-        table = self._table
+    def _read(self) -> Content:
+        """Return a cloud for each keyframe; its first row says when and where it was seen."""
+        table = _Parser(self.path, self._layout).parse()
         xyz = table.columns("x", "y", "z")
         stamps = table.column("t")
         positions = table.columns("cx", "cy", "cz")
-        for rows in self._keyframes:
-            stamp = float(stamps[rows[0]])
-            if wanted(stamp):
-                x, y, z = positions[rows[0]].tolist()
-                yield Cloud(xyz[rows], stamp, (x, y, z))
-
-    @cached_property
-    def _table(self) -> _Table:
-        return _Parser(self.path, self._layout).parse()
-
-    @cached_property
-    def _keyframes(self) -> list[Int64]:
-        return rows_by_first_appearance(self._table.labels)
+        clouds = []
+        for rows in rows_by_first_appearance(table.labels):
+            x, y, z = positions[rows[0]].tolist()
+            clouds.append(Cloud(xyz[rows], float(stamps[rows[0]]), (x, y, z)))
+        return Content(clouds, table.notes, stamps=stamps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +94,15 @@ class _Parser:
         after_blank = True
         blocks: list[Float64] = []
         starts: list[Bool] = []
-        for first_line, text in self._texts():
-            if not begun:
-                begun, text = self._begin(text, first_line)
-            cleaned = lines.clean(text)
-            block_starts, after_blank = _starts(cleaned, after_blank)
-            if len(block_starts):
-                blocks.append(self._numbers(cleaned, text, first_line))
-                starts.append(block_starts)
+        with self.path.open(encoding="utf-8-sig", errors="replace") as file:
+            for first_line, text in lines.blocks(file, self.path):
+                if not begun:
+                    begun, text = self._begin(text, first_line)
+                cleaned = lines.clean(text)
+                block_starts, after_blank = _starts(cleaned, after_blank)
+                if len(block_starts):
+                    blocks.append(self._numbers(cleaned, text, first_line))
+                    starts.append(block_starts)
         if not blocks or self.layout is None:
             raise InputError(f"{self.path}: holds no points")
         if self.guessed:
@@ -155,24 +117,6 @@ class _Parser:
         if "keyframe" in names:
             labels = values[:, names.index("keyframe")]
         return _Table(values, names, labels, self.notes)
-
-    def _texts(self) -> Iterator[tuple[int, str]]:
-        """Yield whole lines a few megabytes at a time, with the number of the first."""
-        line = 1
-        try:
-            with self.path.open(encoding="utf-8-sig", errors="replace") as file:
-                while text := file.read(_BLOCK):
-                    if not text.endswith("\n"):
-                        text += file.readline(_LONGEST_LINE)
-                    if len(text) - text.rfind("\n") > _LONGEST_LINE:
-                        raise InputError(
-                            f"{self.path}:{line + text.count(chr(10))}: found a line of more than "
-                            f"{_LONGEST_LINE} characters, expected a line for each point"
-                        )
-                    yield line, text
-                    line += text.count("\n")
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
     def _begin(self, text: str, first_line: int) -> tuple[bool, str]:
         """Settle the columns by the header or the first point, if there is one.

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io import text as text_module
+from mlscli.io import columns as columns_module
 from mlscli.io.base import Cloud
 from mlscli.io.text import TextCloud
 
@@ -114,7 +114,7 @@ def test_a_broken_line_is_named_with_what_was_found(
     words: str,
     block: int,
 ) -> None:
-    monkeypatch.setattr(text_module, "_BLOCK", block)
+    monkeypatch.setattr(columns_module, "BLOCK", block)
     with pytest.raises(InputError, match=words) as error:
         read(tmp_path, content, columns)
     assert "\n" not in str(error.value)
