@@ -1,0 +1,51 @@
+"""LZF decompression (M. Lehmann's liblzf), which PCD files use.
+
+A control byte below 32 is followed by as many literal bytes and one more. Above, its upper three
+bits are a length (7: the next byte adds to it) and its lower five with the byte that follows a
+distance; the bytes that far back are repeated, two more than the length.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mlscli.typing import UInt8
+
+_MOST_PER_BYTE = 88
+"""Three bytes repeat 264 at the most."""
+
+
+def decompress(data: UInt8, size: int) -> UInt8:
+    """Return up to `size` bytes: fewer where the data ends early or contradicts itself."""
+    out = np.empty(min(size, _MOST_PER_BYTE * len(data)), dtype=np.uint8)
+    return out[: _decompress(np.ascontiguousarray(data), out)]
+
+
+@njit(cache=True, nogil=True)
+def _decompress(data: UInt8, out: UInt8) -> int:
+    read = written = 0
+    while read < len(data) and written < len(out):
+        control = int(data[read])
+        read += 1
+        if control < 32:
+            length = min(control + 1, len(data) - read, len(out) - written)
+            out[written : written + length] = data[read : read + length]
+            read += length
+        else:
+            length = control >> 5
+            if length == 7 and read < len(data):
+                length += int(data[read])
+                read += 1
+            if read == len(data):
+                return written
+            start = written - 1 - ((control & 31) << 8) - int(data[read])
+            read += 1
+            if start < 0:
+                return written
+            length = min(length + 2, len(out) - written)
+            # The bytes repeated may be among those that are being written.
+            for k in range(length):
+                out[written + k] = out[start + k]
+        written += length
+    return written
