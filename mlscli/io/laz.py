@@ -1,0 +1,86 @@
+"""What a LAZ file says of its chunks, checked before lazrs, which trusts it, allocates for it.
+
+(M. Isenburg, LASzip: lossless compression of LiDAR data, 2013, and its revision for LAS 1.4.)
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import lazrs
+import numpy as np
+
+from mlscli.typing import UInt8
+
+# The record's last part: the type, size and version of each item that makes up a point.
+_ITEMS = 34
+_ITEM = struct.Struct("<3H")
+_TABLE_PLACE = struct.Struct("<q")
+_TABLE_HEAD = struct.Struct("<II")
+# Formats from 6 on are compressed in layers: of the coordinates and flags, and then of each item.
+_LAYERED = 6
+_LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}
+
+
+def check_packing(header: Any, packing: Any) -> None:
+    """Refuse points that are not compressed as their format says.
+
+    Raises
+    ------
+    ValueError
+        The items are others than those of the format.
+    """
+    usual = lazrs.LazVlr.new_for_compression(
+        header.point_format.id, header.point_format.num_extra_bytes
+    )
+    if _items(packing.record_data) != _items(usual.record_data()):
+        raise ValueError("the compressed points have not the layout of their format")
+
+
+def needs_table(header: Any, packing: Any, data: UInt8) -> bool:
+    """Tell whether chunks hold any number of points, which only a table at the end tells.
+
+    Raises
+    ------
+    ValueError
+        They do, and the table is missing.
+    """
+    if not lazrs.LazVlr(packing.record_data).uses_variable_size_chunks():
+        return False
+    (place,) = _TABLE_PLACE.unpack_from(data.data, header.offset_to_point_data)
+    if place == -1:
+        (place,) = _TABLE_PLACE.unpack_from(data.data, len(data) - _TABLE_PLACE.size)
+    if not 0 <= place <= len(data) - _TABLE_HEAD.size:
+        raise ValueError("the table of its chunks is missing")
+    _, chunks = _TABLE_HEAD.unpack_from(data.data, place)
+    if chunks > len(data):
+        raise ValueError(f"the table of its chunks lists {chunks:,} in {len(data):,} bytes")
+    return True
+
+
+def readable_points(header: Any, data: UInt8) -> int:
+    """Return how many points can be tried: where they are layered, those of whole chunks."""
+    count: int = header.point_count
+    if header.point_format.id < _LAYERED:
+        return count
+    layers = _LAYERS[header.point_format.id] + header.point_format.num_extra_bytes
+    # A chunk is its first point, the number of its points, the layers' sizes, and the layers.
+    sizes = np.dtype("<u4")
+    at, whole = header.offset_to_point_data + _TABLE_PLACE.size, 0
+    while whole < count:
+        begin = at + header.point_format.size
+        at = begin + sizes.itemsize * (1 + layers)
+        if at > len(data):
+            break
+        points, *lengths = data[begin:at].view(sizes).tolist()
+        at += sum(lengths)
+        if at > len(data):
+            break
+        whole += points
+    return min(whole, count)
+
+
+def _items(packing: bytes) -> list[tuple[int, int]]:
+    """Return the type and size of each item."""
+    return [(type_, size) for type_, size, _ in _ITEM.iter_unpack(packing[_ITEMS:])]
