@@ -11,7 +11,10 @@ from typing import NamedTuple
 from mlscli.errors import InputError
 from mlscli.io.base import Source
 
-READABLE = "text clouds, ROS 1 bags, and ROS 2 bags (a folder with metadata.yaml, .db3, .mcap)"
+READABLE = (
+    "ROS 1 bags, ROS 2 bags (a folder with metadata.yaml, .db3, .mcap), text clouds, .ply, .pcd, "
+    ".las and .laz, COLMAP models, and OpenSfM reconstructions"
+)
 
 _HEAD = 1 << 16
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
@@ -72,6 +75,71 @@ def _open_text(path: Path, _: str | None, columns: str | None) -> Source:
     return TextCloud(path, columns)
 
 
+def _open_ply(path: Path, _: str | None, __: str | None) -> Source:
+    from mlscli.io.plycloud import PlyCloud
+
+    return PlyCloud(path)
+
+
+def _open_pcd(path: Path, _: str | None, __: str | None) -> Source:
+    from mlscli.io.pcd import PcdCloud
+
+    return PcdCloud(path)
+
+
+def _open_las(path: Path, _: str | None, __: str | None) -> Source:
+    from mlscli.io.las import LasCloud
+
+    return LasCloud(path)
+
+
+def _open_colmap(path: Path, _: str | None, __: str | None) -> Source:
+    from mlscli.io.colmap import ColmapModel
+
+    models = _colmap_models(path)
+    if len(models) > 1:
+        raise InputError(
+            f"{path}: holds {len(models)} COLMAP models, each in a frame of its own; name one: "
+            f"{', '.join(map(str, models[:5]))}{', ...' if len(models) > 5 else ''}"
+        )
+    return ColmapModel(models[0])
+
+
+def _open_opensfm(path: Path, _: str | None, __: str | None) -> Source:
+    from mlscli.io.opensfm import OpenSfmReconstruction
+
+    return OpenSfmReconstruction(_reconstructions(path)[0])
+
+
+def _colmap_models(path: Path) -> list[Path]:
+    """Return the models in a folder: its own, or those of the project that it is.
+
+    Their files have no mark at their beginning but the comment of a text, and are known by name.
+    """
+    if path.is_file():
+        by_name = path.name in ("points3D.bin", "points3D.txt")
+        return [path] if by_name or _starting(b"# 3D point list")(path, _head(path)) else []
+    for folder in (path, path / "sparse"):
+        if any((folder / name).is_file() for name in ("points3D.bin", "points3D.txt")):
+            return [folder]
+        if folder.is_dir():
+            numbered = sorted(child for child in folder.iterdir() if child.name.isdigit())
+            models = [model for child in numbered for model in _colmap_models(child)]
+            if models:
+                return models
+    return []
+
+
+def _reconstructions(path: Path) -> list[Path]:
+    """Return the reconstruction that a file is, or that lies in a folder or ODM project."""
+    if path.is_file():
+        head = _head(path).lstrip()
+        is_json = head.startswith((b"[", b"{"))
+        return [path] if is_json and (b'"cameras"' in head or b'"shots"' in head) else []
+    places = (path / "reconstruction.json", path / "opensfm" / "reconstruction.json")
+    return [file for file in places if file.is_file()]
+
+
 def _is_text(path: Path, head: bytes) -> bool:
     return path.is_file() and bool(head.strip()) and not _CONTROL.search(head)
 
@@ -82,14 +150,12 @@ _FORMATS = (
     _Format("MCAP", _starting(b"\x89MCAP0\r\n"), _open_rosbag("ROS 2 bag (MCAP)", ".mcap")),
     _Format("SQLite", _starting(b"SQLite format 3\0"), _open_rosbag("ROS 2 bag (SQLite)", ".db3")),
     _Format("a bag of a ROS 1 version before 2.0", _starting(b"#ROSBAG V", b"#ROSRECORD")),
-    _Format("a PLY file", _starting(b"ply\n", b"ply\r")),
-    _Format("a PCD file", _starting(b"# .PCD", b"VERSION 0.", b"VERSION .")),
-    _Format("a LAS or LAZ file", _starting(b"LASF")),
-    _Format(
-        "a COLMAP text model", _starting(b"# 3D point list", b"# Image list", b"# Camera list")
-    ),
-    _Format("a COLMAP model", _folder_with("points3D.bin", "points3D.txt")),
-    _Format("an OpenSfM reconstruction", _folder_with("reconstruction.json")),
+    _Format("PLY", _starting(b"ply\n", b"ply\r", b"ply "), _open_ply),
+    _Format("PCD", _starting(b"# .PCD", b"VERSION 0.", b"VERSION .", b"FIELDS "), _open_pcd),
+    _Format("LAS", _starting(b"LASF"), _open_las),
+    _Format("COLMAP model", lambda path, _: bool(_colmap_models(path)), _open_colmap),
+    _Format("a part of a COLMAP text model", _starting(b"# Image list", b"# Camera list")),
+    _Format("OpenSfM", lambda path, _: bool(_reconstructions(path)), _open_opensfm),
     _Format("a JSON file", _starting(b"{", b"[")),
     _Format("a gzip archive", _starting(b"\x1f\x8b")),
     _Format("a zip archive or numpy's .npz", _starting(b"PK\x03\x04")),

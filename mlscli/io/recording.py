@@ -227,7 +227,9 @@ def open_recording(
         raise UsageError("no source given: expected at least one recording")
     opened = [open_source(Path(source), topic, columns) for source in sources]
     _check_applies("--topic", topic, [bool(source.topics()) for source in opened], "a bag")
-    _check_applies("--columns", columns, [not source.topics() for source in opened], "a text cloud")
+    _check_applies(
+        "--columns", columns, [source.kind == "text cloud" for source in opened], "a text cloud"
+    )
     given = {
         "topic": topic,
         "columns": columns,

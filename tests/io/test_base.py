@@ -22,16 +22,11 @@ from mlscli.io.recording import open_recording
     ("name", "words"),
     [
         ("sparse/stella_map_small.msg", "binary data"),
-        ("sparse/colmap_pysfm", "COLMAP"),
-        ("sparse/colmap_pysfm/points3D.bin", "binary data"),
-        ("sparse/opensfm_berlin", "OpenSfM"),
-        ("sparse/opensfm_berlin/reconstruction.json", "JSON"),
+        ("sparse/colmap_pysfm/cameras.bin", "binary data"),
         ("sparse/opensfm_berlin/tracks.csv", "OPENSFM_TRACKS"),
         ("sparse/euroc_orb2_KeyFrameTrajectory_tum.txt", "74 beyond 1e8"),
-        ("multilevel/building_floors_cgal.ply", "PLY"),
-        ("multilevel/als_bridge_samp21.pcd", "PCD"),
-        ("multilevel/drone_odm_defect_wall.laz", "LAS"),
-        ("hard/pcd_comma_body.pcd", "PCD"),
+        ("multilevel/unitree_ISR_registration_metrics.json", "JSON"),
+        ("hard/pcd_zero_points.pcd", "holds no points"),
         ("bags/ros1_ouster_in_mcap_zstd.mcap", "profile 'ros1'"),
         ("bags/ros1_no_messages.bag", "no topics"),
         ("bags/ros1_tilt_laser_tf.bag", "--frame laser"),
@@ -53,7 +48,10 @@ def test_what_cannot_be_read_is_refused_by_name(shared_data: Path, name: str, wo
         (b"1 2 3\n\x00\x00\x00", "binary"),
         ("1 2 3\n".encode("utf-16"), "binary"),
         (b"ply\nformat ascii 1.0\n", "PLY"),
-        (b"# 3D point list with one line of data per point:\n1 0 0 0 255 255 255 0.1\n", "COLMAP"),
+        (b"VERSION .7\nFIELDS x y z\n", "PCD"),
+        (b"LASF" + bytes(300), "header"),
+        (b"# Image list with two lines of data per image:\n", "COLMAP"),
+        (b'[{"shots": {}, "points": {}}]', "holds no points"),
         (b"#ROSBAG V1.2\n", "before 2.0"),
         (b"#ROSBAG V2.0\n", "ROS 1 bag"),
         (b"\x89MCAP0\r\n", "MCAP"),
@@ -71,6 +69,26 @@ def test_a_file_of_another_kind_is_refused_on_one_line(
         list(open_recording(path).keyframes())
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "points"),
+    [
+        ("multilevel/building_floors_cgal.ply", 100_000),
+        ("multilevel/als_bridge_samp21.pcd", 12_960),
+        ("multilevel/drone_odm_defect_wall.laz", 79_892),
+        ("sparse/opensfm_berlin/reconstruction.json", 1_430),
+        ("hard/pcd_missingheader.pcd", 10),
+        ("hard/csv_named_ply.ply", 4_697),
+    ],
+)
+def test_a_file_is_told_by_what_it_holds(
+    shared_data: Path, tmp_path: Path, name: str, points: int
+) -> None:
+    for other in ("cloud", "cloud.bag", "cloud.las"):
+        (tmp_path / other).write_bytes((shared_data / name).read_bytes())
+        recording = open_recording(tmp_path / other)
+        assert sum(len(keyframe.points) for keyframe in recording.keyframes()) == points
 
 
 def test_what_is_not_there_or_no_file_is_refused(tmp_path: Path) -> None:

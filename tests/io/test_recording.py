@@ -193,6 +193,9 @@ def test_options_that_fit_no_source_are_wrong_usage(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)))])
     with pytest.raises(UsageError, match="--columns x,y,z: no source is a text cloud"):
         open_recording(bag, columns="x,y,z")
+    (tmp_path / "a.ply").write_bytes(b"ply\n")
+    with pytest.raises(UsageError, match="--columns x,y,z: no source is a text cloud"):
+        open_recording(tmp_path / "a.ply", columns="x,y,z")
 
 
 @pytest.mark.parametrize(
