@@ -43,8 +43,9 @@ def command(
 ) -> int:
     """Build a multi-level surface map from a recording.
 
-    SOURCE is a ROS 1 bag, a ROS 2 bag (folder, .db3 or .mcap) or a text cloud, told by content;
-    several are read in turn, as one flight.
+    SOURCE is a ROS 1 bag, a ROS 2 bag (folder, .db3 or .mcap), a cloud (text, .ply, .pcd, .las,
+    .laz) or a reconstruction (COLMAP, OpenSfM), told by content; several are read in turn, as one
+    flight.
     """
     from mlscli.config import load
     from mlscli.io.atomic import refuse_existing

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
+from mlscli.commands.build import PARTLY_READ
 from mlscli.commands.options import as_json, say
 
 if TYPE_CHECKING:
@@ -26,9 +27,9 @@ def command(paths: tuple[str, ...], columns: str | None, as_json: bool) -> int:
     """Say what recordings or maps hold.
 
     Of a bag: topics with types, counts and frames, the time, and which topics can be mapped; of a
-    text cloud: its keyframes, extent and levels; of a map: patches by origin, levels, extent,
-    parameters and sources. With --json, a list of an object for each file. Files that cannot be
-    read are told, the others described.
+    cloud or reconstruction: its keyframes, extent and levels; of a map: patches by origin, levels,
+    extent, parameters and sources. With --json, a list of an object for each file. Files that
+    cannot be read are told, the others described.
     """
     from mlscli.errors import MlsError
 
@@ -43,7 +44,8 @@ def command(paths: tuple[str, ...], columns: str | None, as_json: bool) -> int:
         click.echo(json.dumps(results, indent=2))
     elif results:
         click.echo("\n".join(map(_text, results)))
-    return status
+    partly_read = any(result.get("lost") for result in results)
+    return status or (PARTLY_READ if partly_read else 0)
 
 
 def _describe(path: str, columns: str | None) -> dict[str, Any]:
@@ -107,6 +109,7 @@ def _of_cloud(path: str, columns: str | None) -> dict[str, Any]:
         "points": recording.tally.points_read,
         "dropped": recording.tally.dropped,
         "keyframes": len(keyframes),
+        "positions": sum(not math.isnan(keyframe.position[0]) for keyframe in keyframes),
         "extent": {
             axis: [float(min(low[i] for low in lows)), float(max(high[i] for high in highs))]
             for i, axis in enumerate("xyz")
@@ -114,6 +117,7 @@ def _of_cloud(path: str, columns: str | None) -> dict[str, Any]:
         "cell_size": description["cell_size"],
         "levels": description["levels"],
         "notes": recording.notes,
+        "lost": recording.losses,
     }
 
 
@@ -131,9 +135,11 @@ def _text(result: dict[str, Any]) -> str:
         ("points", f"{result['points']:,} in {report.some(result['keyframes'], 'keyframe')}"),
         ("dropped", report.counts(result["dropped"])),
         ("time", _time(result)),
+        ("route", _route(result)),
         ("extent", report.bounds(result["extent"])),
         ("levels", f"{report.levels(result['levels'])} (cells of {result['cell_size']:.6g})"),
         *[("note", note) for note in result["notes"]],
+        *[("lost", loss) for loss in result["lost"]],
     ]
     return f"{head}\n{report.lines(rows)}"
 
@@ -171,6 +177,11 @@ def _time(result: dict[str, Any]) -> str:
     if result["start"] is None:
         return ""
     return f"{result['end'] - result['start']:.3f} s, from {result['start']:.6f}"
+
+
+def _route(result: dict[str, Any]) -> str:
+    known = result["positions"]
+    return f"where the craft was is known of {report.some(known, 'keyframe')}" if known else ""
 
 
 def _topic_lines(topics: list[dict[str, Any]]) -> Iterable[str]:

@@ -72,6 +72,40 @@ def test_of_a_text_cloud_it_tells_extent_and_levels(tmp_path: Path) -> None:
     assert "extent" in mls("info", "house.xyz", cwd=tmp_path).stdout
 
 
+def two_storeys(path: Path) -> None:
+    """Write a PLY of two floors of 10 x 10 points, 3 apart."""
+    rows = [f"{0.2 * x} {0.2 * y} {z}" for z in (0, 3) for x in range(10) for y in range(10)]
+    header = ["ply", "format ascii 1.0", "element vertex 200"]
+    header += [f"property float {axis}" for axis in "xyz"]
+    path.write_text("\n".join([*header, "end_header", *rows, ""]))
+
+
+def test_of_any_file_of_points_it_tells_extent_and_levels(tmp_path: Path) -> None:
+    two_storeys(tmp_path / "house.ply")
+    done = mls("info", "house.ply", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (told,) = json.loads(done.stdout)
+    assert told["kind"] == "PLY cloud"
+    assert (told["points"], told["keyframes"], told["lost"]) == (200, 1, [])
+    np.testing.assert_allclose([told["extent"][axis] for axis in "xyz"], [[0, 1.8]] * 2 + [[0, 3]])
+    assert set(told["levels"]) == {"2"}
+
+
+def test_of_a_file_that_was_cut_it_tells_what_is_lost(tmp_path: Path) -> None:
+    two_storeys(tmp_path / "house.ply")
+    content = (tmp_path / "house.ply").read_bytes()
+    (tmp_path / "house.ply").write_bytes(content[:-100])
+    done = mls("info", "house.ply", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "of 200 points are missing" in done.stdout
+
+
+def test_of_a_reconstruction_it_tells_the_route(shared_data: Path) -> None:
+    text = mls("info", shared_data / "sparse/colmap_pysfm").stdout
+    assert "14,073 in 11 keyframes" in text
+    assert "where the craft was is known of 11 keyframes" in text
+
+
 def test_what_is_neither_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04 and no more")
     (tmp_path / "noise").write_bytes(bytes(range(256)))
