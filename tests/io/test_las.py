@@ -7,11 +7,13 @@ and scaled by the format's description; what a cut leaves is counted in records.
 
 from __future__ import annotations
 
+import io
 import struct
 from pathlib import Path
 from typing import Any
 
 import laspy
+import lazrs
 import numpy as np
 import pytest
 
@@ -147,6 +149,47 @@ def test_a_table_of_chunks_that_cannot_be_costs_nothing(tmp_path: Path) -> None:
 
     assert found is not None
     assert found[0].tolist() == expected.tolist()
+
+
+def with_chunks_of_any_size(tmp_path: Path, point_format: int) -> bytes:
+    """Return a compressed file whose chunks have 100, 50 and 150 points; a.las holds the same."""
+    plain = write(tmp_path / "a.las", 300, point_format).read_bytes()
+    (begin,) = struct.unpack_from("<I", plain, 96)
+    (size,) = struct.unpack_from("<H", plain, 105)
+    content = write(tmp_path / "a.laz", 300, point_format).read_bytes()
+    packing = lazrs.LazVlr.new_for_compression(point_format, 0, True)
+    out = io.BytesIO()
+    out.write(content[: struct.unpack_from("<I", content, 96)[0] - len(packing.record_data())])
+    out.write(packing.record_data())
+    compressor = lazrs.LasZipCompressor(out, packing)
+    for first, last in [(0, 100), (100, 150), (150, 300)]:
+        points = plain[begin + size * first : begin + size * last]
+        compressor.compress_many(np.frombuffer(points, np.uint8))
+        if last < 300:
+            compressor.finish_current_chunk()
+    compressor.done()
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("point_format", [3, 7])
+def test_chunks_may_have_any_size(tmp_path: Path, point_format: int) -> None:
+    content = with_chunks_of_any_size(tmp_path, point_format)
+    (tmp_path / "a.laz").write_bytes(content)
+
+    assert read(tmp_path / "a.laz") == ([parsed(tmp_path / "a.las").tolist()], [])
+
+
+@pytest.mark.parametrize("point_format", [3, 7])
+def test_chunks_of_any_size_need_their_table(tmp_path: Path, point_format: int) -> None:
+    content = with_chunks_of_any_size(tmp_path, point_format)
+    (begin,) = struct.unpack_from("<I", content, 96)
+    (table,) = struct.unpack_from("<q", content, begin)
+    many = content[: table + 4] + b"\xff" * 4 + content[table + 8 :]
+    nowhere = content[:begin] + struct.pack("<q", 2**40) + content[begin + 8 :]
+    for damaged in (content[: table + 4], many, nowhere):
+        (tmp_path / "a.laz").write_bytes(damaged)
+        with pytest.raises(InputError, match="the table of its chunks"):
+            read(tmp_path / "a.laz")
 
 
 @pytest.mark.parametrize("name", ["a.las", "a.laz"])
