@@ -34,6 +34,7 @@ _POINT = (
     # Of each observation the image, u4, and which of its features, u4.
     Field("track", "V8", "u8"),
 )
+_XYZ_AND_TRACK = (1, 2, 3, 8)
 _OBSERVATION = 8
 # An image's number, rotation, translation and camera; its name and features follow.
 _IMAGE = struct.Struct("<I4d3dI")
@@ -115,10 +116,9 @@ def _binary_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, l
     data = mapped(file)
     declared = _declared(file, data)
     data = data[_COUNT.size :]
-    count, columns, _ = read_records(data, _POINT, declared, ["x", "y", "z", "track"])
-    points = side_by_side([columns[axis] for axis in "xyz"])
+    count, (*xyz, tracks), _ = read_records(data, _POINT, declared, _XYZ_AND_TRACK)
     lost = [shortfall(file, count, declared)] if count < declared else []
-    return points, _first_images(data, columns["track"], ranks), lost
+    return side_by_side(xyz), _first_images(data, tracks, ranks), lost
 
 
 def _declared(file: Path, data: UInt8) -> int:

@@ -163,13 +163,11 @@ class PcdCloud(PointFile):
     def _records(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
         """Return the wanted columns of points one after the other."""
         fields = [
-            Field(str(place), field.dtype if place in wanted else f"V{field.size * field.count}")
+            Field(field.name, field.dtype if place in wanted else f"V{field.size * field.count}")
             for place, field in enumerate(header.fields)
         ]
-        names = [str(place) for place in wanted]
         data = mapped(self.path)[header.size :]
-        columns = read_records(data, fields, header.points, names).columns
-        return [columns[name] for name in names], ""
+        return read_records(data, fields, header.points, wanted).columns, ""
 
     def _compressed(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
         """Return the wanted columns of fields one after the other, and what is wrong with them."""

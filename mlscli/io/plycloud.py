@@ -91,7 +91,7 @@ class PlyCloud(PointFile):
             match text.split():
                 case ["format", name, *_] if name in _ORDERS:
                     order = _ORDERS[name]
-                case ["element", name, count] if count.isascii() and count.isdigit():
+                case ["element", name, count] if re.fullmatch(r"[0-9]{1,40}", count):
                     elements.append(_Element(name, int(count), []))
                 case ["property", "list", length, type_, name] if (
                     elements and _TYPES.get(length, "f")[0] != "f" and type_ in _TYPES
@@ -109,10 +109,12 @@ class PlyCloud(PointFile):
                     )
         return _Header(order, elements, end.end())
 
-    def _wanted(self, vertex: _Element) -> list[str]:
-        """Return the names of the coordinates, and of the keyframe where there is one."""
+    def _wanted(self, vertex: _Element) -> list[int]:
+        """Return which properties are the coordinates, and the keyframe where there is one."""
         numbers = {
-            field.name.lower(): field.name for field in reversed(vertex.fields) if not field.length
+            field.name.lower(): place
+            for place, field in reversed(list(enumerate(vertex.fields)))
+            if not field.length
         }
         if not {"x", "y", "z"} <= numbers.keys():
             names = ", ".join(field.name for field in vertex.fields)
@@ -124,23 +126,22 @@ class PlyCloud(PointFile):
         return [numbers["x"], numbers["y"], numbers["z"], *keyframe]
 
     def _records(
-        self, header: _Header, vertex: _Element, wanted: Sequence[str]
+        self, header: _Header, vertex: _Element, wanted: Sequence[int]
     ) -> tuple[list[Array], str]:
         """Return the wanted columns of a binary file."""
         data = mapped(self.path)[header.size :]
         for element in header.elements[: header.elements.index(vertex)]:
             data = read_records(data, element.fields, element.count, order=header.order).rest
-        columns = read_records(data, vertex.fields, vertex.count, wanted, header.order).columns
-        return [columns[name] for name in wanted], ""
+        return read_records(data, vertex.fields, vertex.count, wanted, header.order).columns, ""
 
     def _rows(
-        self, header: _Header, vertex: _Element, wanted: Sequence[str]
+        self, header: _Header, vertex: _Element, wanted: Sequence[int]
     ) -> tuple[list[Array], str]:
         """Return the wanted columns of a text, and what is wrong with its first broken row."""
         with open_rows(self.path, header.size) as rows:
             for element in header.elements[: header.elements.index(vertex)]:
                 rows.skip(element.count if element.fields else 0)
-            values, fault = rows.read(vertex.count, vertex.picker(wanted), vertex.width)
+            values, fault = rows.read(vertex.count, _Picker(vertex.fields, wanted), vertex.width)
         return list(values.reshape(-1, len(wanted)).T), fault
 
 
@@ -165,17 +166,12 @@ class _Element:
         """How many numbers a row has; None where lists make rows differ."""
         return None if any(field.length for field in self.fields) else len(self.fields)
 
-    def picker(self, wanted: Sequence[str]) -> _Picker:
-        """Return what takes the wanted numbers out of a row."""
-        names = [field.name for field in self.fields]
-        return _Picker(self.fields, [names.index(name) for name in wanted])
-
 
 class _Picker(NamedTuple):
     """Takes fields out of a row, past the lists before them."""
 
-    fields: list[Field]
-    places: list[int]
+    fields: Sequence[Field]
+    places: Sequence[int]
 
     def __call__(self, row: Sequence[Item], /) -> list[Item]:
         if not any(field.length for field in self.fields):

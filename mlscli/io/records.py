@@ -16,6 +16,8 @@ from numba import njit
 
 from mlscli.typing import Array, Int64, UInt8
 
+_BLOCK = 1 << 16
+
 
 class Field(NamedTuple):
     """A field of a record.
@@ -41,7 +43,7 @@ class Records(NamedTuple):
     ----------
     size : int
         How many are whole.
-    columns : dict
+    columns : list of arrays
         The numbers of each field asked for, (size,); of a list, int64 (size, 2): the byte at
         which its items begin and how many there are.
     rest : uint8
@@ -49,7 +51,7 @@ class Records(NamedTuple):
     """
 
     size: int
-    columns: dict[str, Array]
+    columns: list[Array]
     rest: UInt8
 
 
@@ -61,7 +63,7 @@ def mapped(path: Path) -> UInt8:
 
 
 def read_records(
-    data: UInt8, fields: Sequence[Field], count: int, wanted: Sequence[str] = (), order: str = "<"
+    data: UInt8, fields: Sequence[Field], count: int, wanted: Sequence[int] = (), order: str = "<"
 ) -> Records:
     """Read up to `count` records, or as many as are whole.
 
@@ -71,8 +73,8 @@ def read_records(
     fields : sequence of Field
     count : int
         As the file declares it, of any size.
-    wanted : sequence of str
-        The fields to return; of several with one name the first.
+    wanted : sequence of int
+        Which fields to return.
     order : str
         The byte order of all numbers: < or >.
     """
@@ -82,18 +84,16 @@ def read_records(
     )
     least = int(np.where(lengths > 0, lengths, sizes).sum())
     came = min(count, len(data) // least) if least else count
-    names = [field.name for field in fields]
-    places = [names.index(name) for name in wanted]
     if lengths.any():
         slots = np.full(len(fields), -1)
-        slots[places] = np.arange(len(places))
-        at = np.empty((came, len(places)), dtype=np.int64)
+        slots[list(wanted)] = np.arange(len(wanted))
+        at = np.empty((came, len(wanted)), dtype=np.int64)
         came, end = _walk(data, sizes, lengths, slots, order == ">", came, at)
         columns = [
             _listed(data, at[:came, k], order + fields[place].length)
             if fields[place].length
             else gather(data, at[:came, k], order + fields[place].type)
-            for k, place in enumerate(places)
+            for k, place in enumerate(wanted)
         ]
     else:
         end = came * least
@@ -104,16 +104,19 @@ def read_records(
             )
             if came
             else np.empty(0)
-            for place in places
+            for place in wanted
         ]
     rest = data[end:] if came == count else data[:0]
-    return Records(came, dict(zip(wanted, columns, strict=True)), rest)
+    return Records(came, columns, rest)
 
 
 def gather(data: UInt8, at: Int64, type_: str) -> Array:
     """Return the numbers that begin at these bytes, on whatever boundary."""
-    dtype = np.dtype(type_)
-    numbers: Array = data[at[:, None] + np.arange(dtype.itemsize)].view(dtype)[:, 0]
+    numbers = np.empty(len(at), dtype=type_)
+    across = np.arange(numbers.itemsize)
+    for begin in range(0, len(at), _BLOCK):
+        end = begin + _BLOCK
+        numbers[begin:end] = data[at[begin:end, None] + across].view(numbers.dtype)[:, 0]
     return numbers
 
 

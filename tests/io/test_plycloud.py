@@ -138,6 +138,26 @@ def test_a_text_may_have_any_line_ends_and_blank_lines(tmp_path: Path, ending: s
     assert read(tmp_path / "a.ply") == ([[[1, 2, 3], [4, 5, 6]]], [])
 
 
+def test_many_vertices_with_lists_come_bit_for_bit(tmp_path: Path) -> None:
+    points = np.random.default_rng(2).normal(size=(70_001, 3)).astype("<f4")
+    lists = [b"\0", b"\1abcd", b"\2abcdefgh"]
+    body = b"".join(lists[k % 3] + point.tobytes() for k, point in enumerate(points))
+    header = ["element vertex 70001", "property list uchar int l", *XYZ]
+    (tmp_path / "a.ply").write_bytes(ply("binary_little_endian", *header, body=body))
+
+    (cloud,) = PlyCloud(tmp_path / "a.ply").clouds()
+
+    assert cloud.points.tobytes() == points.astype(float).tobytes()
+
+
+def test_of_properties_with_one_name_the_first_number_is_taken(tmp_path: Path) -> None:
+    header = ["element vertex 2", "property list uchar int x", *XYZ, "property float x"]
+    body = b"".join(struct.pack("<Bifff f", 1, 9, k, 2, 3, 4) for k in (1, 5))
+    (tmp_path / "a.ply").write_bytes(ply("binary_little_endian", *header, body=body))
+
+    assert read(tmp_path / "a.ply")[0] == [[[1, 2, 3], [5, 2, 3]]]
+
+
 def test_text_keeps_the_digits_that_float_cannot_hold(tmp_path: Path) -> None:
     body = b"572273.123 4498560.456 36.8425064\n"
     (tmp_path / "a.ply").write_bytes(ply("ascii", "element vertex 1", *XYZ, body=body))
@@ -226,6 +246,7 @@ def test_an_exported_mesh_is_read_bit_for_bit(tmp_path: Path) -> None:
         (["element vertex -1", *XYZ], "a.ply:3: found 'element vertex -1'"),
         (["element vertex 1", "property real x"], "a.ply:4: found 'property real x'"),
         (["element vertex 1", "property list float int x"], "a.ply:4: found"),
+        (["element vertex " + "9" * 5000, *XYZ], "a.ply:3: found 'element vertex 999"),
         (["property float x"], "a.ply:3: found 'property float x'"),
         (["format ebcdic 1.0"], "a.ply:3: found 'format ebcdic 1.0', .*binary_big_endian"),
     ],
