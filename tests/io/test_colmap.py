@@ -337,6 +337,16 @@ def test_a_track_longer_than_the_file_ends_it(tmp_path: Path) -> None:
     assert "5 of 5 points are missing" in found[1][0]
 
 
+def test_an_image_whose_name_may_have_lost_its_end_is_told(tmp_path: Path) -> None:
+    model = write_text(tmp_path / "m", IMAGES[1:] + IMAGES[:1], POINTS)
+    text = (model / "images.txt").read_text()
+    (model / "images.txt").write_text(text[: text.index("c.jpg") + 3])
+    source = ColmapModel(model)
+
+    assert len(list(source.clouds())) == 3
+    assert "1 of 3 images are missing" in source.losses[0]
+
+
 def test_broken_lines_of_a_text_are_left_out_and_told(tmp_path: Path) -> None:
     model = write_text(tmp_path / "m", IMAGES, POINTS)
     text = (model / "points3D.txt").read_text()

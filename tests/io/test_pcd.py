@@ -205,6 +205,17 @@ def test_what_was_compressed_comes_back(piece: bytes, times: int, seed: int) -> 
     assert decompress(data, len(plain)).tobytes() == plain
 
 
+@pytest.mark.parametrize("repetition", [b"\x20\x00", b"\x20\x03", b"\x3f\xff", b"\xe0\x00\x09"])
+def test_what_repeats_bytes_before_the_first_ends_it(repetition: bytes) -> None:
+    for literal in (b"", b"\x02abc"):
+        data = np.frombuffer(literal + repetition + b"\x02xyz", np.uint8)
+        plain = decompress(data, 1000).tobytes()
+        if repetition == b"\x20\x00" and literal:
+            assert plain == b"abc" + b"ccc" + b"xyz"
+        else:
+            assert plain == literal[1:]
+
+
 def test_entries_that_older_versions_lack_have_their_usual_values(tmp_path: Path) -> None:
     content = pcd(
         "ascii", b"1 2 3\n4 5 6\n", VERSION=None, COUNT=None, SIZE=None, TYPE=None, POINTS=None,

@@ -289,6 +289,31 @@ def test_a_list_longer_than_the_file_ends_it(tmp_path: Path, length: bytes) -> N
     assert "1 of 2 points are missing" in found[1][0]
 
 
+def test_after_a_broken_element_no_vertex_is_guessed(tmp_path: Path) -> None:
+    header = ["element face 2", "property list uint int l", "element vertex 1", *XYZ]
+    body = struct.pack("<III", 1, 7, 2**31) + struct.pack("<fff", 1, 2, 3)
+    (tmp_path / "a.ply").write_bytes(ply("binary_little_endian", *header, body=body))
+
+    assert read(tmp_path / "a.ply")[0] == [[]]
+
+
+def test_a_row_without_all_its_numbers_is_no_point(tmp_path: Path) -> None:
+    header = ["element vertex 4", *XYZ, "property float a"]
+    for broken in (b"4 5 6", b"4 5\n6 0"):
+        body = b"1 2 3 0\n" + broken + b"\n7 8 9 0\n"
+        (tmp_path / "a.ply").write_bytes(ply("ascii", *header, body=body))
+        clouds, losses = read(tmp_path / "a.ply")
+        assert clouds == [[[1, 2, 3], [7, 8, 9]]]
+        assert "2 of 4 points are missing: the first is 2, found '4 5" in losses[0]
+
+
+def test_what_is_not_used_need_be_no_number(tmp_path: Path) -> None:
+    header = ["element vertex 1", *XYZ, "property float a"]
+    (tmp_path / "a.ply").write_bytes(ply("ascii", *header, body=b"1 2 3 x\n"))
+
+    assert read(tmp_path / "a.ply") == ([[[1, 2, 3]]], [])
+
+
 def test_broken_rows_are_left_out_and_told(tmp_path: Path) -> None:
     body = b"1 2 3\n4 x 6\n7 8\n9 9 9\n"
     (tmp_path / "a.ply").write_bytes(ply("ascii", "element vertex 4", *XYZ, body=body))
