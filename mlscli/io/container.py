@@ -77,6 +77,10 @@ class Container(Protocol):
         """The first and the last log time in nanoseconds; None without messages."""
 
     @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know about how it is read."""
+
+    @property
     def losses(self) -> Sequence[str]:
         """What opening it and the last pass could not read: messages, seconds, bytes."""
 
