@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mlscli.errors import InputError
-from mlscli.io import ros1bag
+from mlscli.io import mcapfile, mcaprecords, ros1bag
 from mlscli.io.container import Container
 
 _OLD_BAGS = (b"#ROSBAG V", b"#ROSRECORD")
@@ -26,5 +26,7 @@ def open_container(path: Path) -> Container:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     if head.startswith((ros1bag.MAGIC, *_OLD_BAGS)):
         return ros1bag.Ros1Bag(path)
+    if head.startswith(mcaprecords.MAGIC):
+        return mcapfile.McapFile(path)
     found = f"begins with {head!r}" if head else "is empty"
-    raise InputError(f"{path}: {found}, expected a ROS 1 bag")
+    raise InputError(f"{path}: {found}, expected a ROS 1 bag or an MCAP file")
