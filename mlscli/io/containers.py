@@ -5,14 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from mlscli.errors import InputError
-from mlscli.io import mcapfile, mcaprecords, ros1bag
+from mlscli.io import mcapfile, mcaprecords, ros1bag, sqlitefile
+from mlscli.io.compression import ZSTD_MAGIC
 from mlscli.io.container import Container
 
 _OLD_BAGS = (b"#ROSBAG V", b"#ROSRECORD")
 
 
 def open_container(path: Path) -> Container:
-    """Tell by its content what a file is and open it.
+    """Tell by its content what a file or folder is and open it.
+
+    A folder is taken for a ROS 2 bag.
 
     Raises
     ------
@@ -20,13 +23,25 @@ def open_container(path: Path) -> Container:
         It is no container of messages, or one that cannot be read at all.
     """
     try:
-        with path.open("rb") as file:
-            head = file.read(16)
+        if path.is_dir():
+            head = b""
+        else:
+            with path.open("rb") as file:
+                head = file.read(16)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if path.is_dir() or head.startswith(ZSTD_MAGIC):
+        from mlscli.io.ros2bag import Ros2Bag
+
+        return Ros2Bag(path)
     if head.startswith((ros1bag.MAGIC, *_OLD_BAGS)):
         return ros1bag.Ros1Bag(path)
     if head.startswith(mcaprecords.MAGIC):
         return mcapfile.McapFile(path)
+    if head.startswith(sqlitefile.MAGIC):
+        return sqlitefile.SqliteFile(path)
     found = f"begins with {head!r}" if head else "is empty"
-    raise InputError(f"{path}: {found}, expected a ROS 1 bag or an MCAP file")
+    raise InputError(
+        f"{path}: {found}, expected a ROS 1 bag, an MCAP file, or a ROS 2 bag: a folder or a "
+        "SQLite file"
+    )

@@ -1,0 +1,88 @@
+"""The `metadata.yaml` of a ROS 2 bag: which files it is made of, and what they should hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any, NamedTuple
+
+FILE_NAME = "metadata.yaml"
+
+_LARGEST = 1 << 26
+
+
+class Declared(NamedTuple):
+    """What a file should hold; 0 where it is not said."""
+
+    messages: int = 0
+    nanoseconds: int = 0
+
+
+@dataclass
+class Metadata:
+    """What the metadata say.
+
+    Attributes
+    ----------
+    files : dict
+        What each file should hold, by its name, in the order of recording.
+    messages : int or None
+        How many messages the files should hold; None where it is not said.
+    """
+
+    files: dict[str, Declared] = field(default_factory=dict)
+    messages: int | None = None
+
+    @classmethod
+    def read(cls, folder: Path, notes: list[str]) -> Metadata:
+        """Read the metadata of a bag; a note says why there is none, or what cannot be read."""
+        import yaml
+
+        path = folder / FILE_NAME
+        try:
+            with path.open(encoding="utf-8", errors="replace") as file:
+                content = yaml.safe_load(file.read(_LARGEST))
+        except FileNotFoundError:
+            notes.append(f"{folder}: has no {FILE_NAME}; all its .db3 and .mcap files are read")
+            return cls()
+        except (OSError, yaml.YAMLError, RecursionError, ValueError) as error:
+            reason = " ".join(str(error).split())[:200]
+            notes.append(f"{path}: cannot be read: {reason}; all .db3 and .mcap files are read")
+            return cls()
+        return cls._of(_get(content, "rosbag2_bagfile_information"))
+
+    @classmethod
+    def _of(cls, content: object) -> Metadata:
+        details = {
+            _name(entry.get("path")): Declared(
+                _count(entry.get("message_count")) or 0,
+                _count(_get(entry.get("duration"), "nanoseconds")) or 0,
+            )
+            for entry in _list(_get(content, "files"))
+            if isinstance(entry, dict)
+        }
+        names = [_name(path) for path in _list(_get(content, "relative_file_paths"))]
+        files = {name: details.get(name, Declared()) for name in [*names, *details] if name}
+        messages = _count(_get(content, "message_count"))
+        if len(files) == 1 and messages is not None:
+            # Before version 5 nothing was said of each file.
+            nanoseconds = _count(_get(_get(content, "duration"), "nanoseconds")) or 0
+            files = {name: Declared(messages, nanoseconds) for name in files}
+        return cls(files, messages)
+
+
+def _get(content: object, key: str) -> Any:
+    return content.get(key) if isinstance(content, dict) else None
+
+
+def _list(content: object) -> list[Any]:
+    return content if isinstance(content, list) else []
+
+
+def _count(content: object) -> int | None:
+    return content if isinstance(content, int) and content >= 0 else None
+
+
+def _name(path: object) -> str:
+    """Return the name of a file in the bag's folder; versions before 4 name the folder, too."""
+    return PurePosixPath(PureWindowsPath(str(path or "")).as_posix()).name

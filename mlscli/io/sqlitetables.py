@@ -1,0 +1,207 @@
+"""The tables of a ROS 2 bag in SQLite: by SQLite itself, or page by page where it is damaged.
+
+`topics` names the channels, `messages` holds their messages in the order of recording, and,
+since ROS 2 Iron, `message_definitions` defines the types.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from array import array
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from mlscli.io.container import Channel
+from mlscli.io.losses import DamagedError
+from mlscli.io.messagetypes import ros2_name
+from mlscli.io.sqlitepages import Pages, Row
+from mlscli.typing import Int64
+
+
+class MessageRows(NamedTuple):
+    """Where the messages are: their rows, topics and times (ns), each int64 (N,)."""
+
+    rows: Int64
+    topics: Int64
+    times: Int64
+
+    @classmethod
+    def of(cls, found: Iterable[tuple[int, object, object]]) -> MessageRows:
+        """Gather rows; those without a topic or a time are no messages."""
+        columns = array("q"), array("q"), array("q")
+        for row, topic, time in found:
+            if isinstance(topic, int) and isinstance(time, int):
+                for column, value in zip(columns, (row, topic, time), strict=True):
+                    column.append(value)
+        return cls(*(np.frombuffer(column, dtype=np.int64) for column in columns))
+
+    def take(self, chosen: Int64) -> MessageRows:
+        """Return these messages, in this order."""
+        return MessageRows(*(column[chosen] for column in self))
+
+
+class Tables(Protocol):
+    """The tables of a bag.
+
+    Attributes
+    ----------
+    missing : int
+        Messages that must have been there, but were not found.
+    """
+
+    missing: int
+
+    def names(self) -> set[str]:
+        """Return the names of all tables."""
+
+    def channels(self) -> dict[int, Channel]:
+        """Return the channels by the numbers of their topics, without counts."""
+
+    def messages(self) -> MessageRows:
+        """Return where the messages are, in the order of recording."""
+
+    def data(self, row: int) -> bytes:
+        """Return a message; raises DamagedError where that fails."""
+
+
+class Database:
+    """The tables as SQLite reads them; raises its errors."""
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self.missing = 0
+        connection.text_factory = lambda text: text.decode(errors="replace")
+        self._connection = connection
+
+    def names(self) -> set[str]:
+        """Return the names of all tables."""
+        found = self._connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        return {str(name) for (name,) in found}
+
+    def channels(self) -> dict[int, Channel]:
+        """Return the channels by the numbers of their topics, without counts."""
+        definitions: list[tuple[object, ...]] = []
+        if "message_definitions" in self.names():
+            definitions = self._connection.execute(
+                "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            ).fetchall()
+        topics = self._connection.execute("SELECT id, name, type, serialization_format FROM topics")
+        return _channels(topics, definitions)
+
+    def messages(self) -> MessageRows:
+        """Return where the messages are, in the order of recording."""
+        found = MessageRows.of(
+            self._connection.execute(
+                "SELECT rowid, topic_id, timestamp FROM messages NOT INDEXED ORDER BY rowid"
+            )
+        )
+        ((count,),) = self._connection.execute("SELECT count(*) FROM messages NOT INDEXED")
+        self.missing = count - len(found.rows)
+        return found
+
+    def data(self, row: int) -> bytes:
+        """Return a message."""
+        try:
+            found = self._connection.execute(
+                "SELECT data FROM messages WHERE rowid = ?", (row,)
+            ).fetchone()
+        except sqlite3.DatabaseError as error:
+            raise DamagedError(str(error)) from error
+        if found is None or not isinstance(found[0], bytes):
+            raise DamagedError("it holds no data")
+        return found[0]
+
+
+class Salvage:
+    """The tables of a damaged database, as far as its pages can be read.
+
+    Rows of messages are told by their values, as what led to them may be lost: no number of
+    their own, two numbers and data.
+    """
+
+    def __init__(self, pages: Pages) -> None:
+        self._pages = pages
+        self.missing = 0
+
+    def names(self) -> set[str]:
+        """Return the names of all tables."""
+        return set(self._pages.tables())
+
+    def channels(self) -> dict[int, Channel]:
+        """Return the channels by the numbers of their topics, without counts."""
+        definitions = [row[1:] for row in self._rows("message_definitions")]
+        return _channels(self._rows("topics"), definitions)
+
+    def messages(self) -> MessageRows:
+        """Return where the messages are, in the order of recording."""
+        numbers = array("q")
+        found = MessageRows.of(self._messages(numbers))
+        _, order = np.unique(np.frombuffer(numbers, dtype=np.int64), return_index=True)
+        # They are numbered from 1.
+        self.missing = max(numbers, default=0) - len(order)
+        return found.take(order)
+
+    def data(self, row: int) -> bytes:
+        """Return a message."""
+        value = self._pages.values(_unpacked(row), 4)[3]
+        if not isinstance(value, bytes):
+            raise DamagedError("it holds no data")
+        return value
+
+    def _rows(self, table: str) -> Iterator[tuple[object, ...]]:
+        """Read the first four values of the rows of a table; the first is a row's number."""
+        first = self._pages.tables().get(table)
+        for row in self._pages.rows(first) if first else ():
+            try:
+                _, *values = self._pages.values(row, 4)
+            except DamagedError:
+                continue
+            yield row.number, *(_text(v) for v in values)
+
+    def _messages(self, numbers: array[int]) -> Iterator[tuple[int, object, object]]:
+        for row in self._pages.all_rows():
+            try:
+                types = self._pages.types(row)
+                if len(types) != 4 or types[0] != 0 or types[3] < 12 or types[3] % 2:
+                    continue
+                _, topic, time = self._pages.values(row, 3)
+            except DamagedError:
+                continue
+            if isinstance(topic, int) and isinstance(time, int) and row.number > 0:
+                numbers.append(row.number)
+                yield _packed(row), topic, time
+
+
+def _packed(row: Row) -> int:
+    """Return the place of a row in one number; no page has more than 65536 bytes."""
+    return row.page << 16 | row.offset
+
+
+def _unpacked(place: int) -> Row:
+    return Row(0, place >> 16, place & 0xFFFF)
+
+
+def _channels(
+    topics: Iterable[tuple[object, ...]], definitions: Iterable[tuple[object, ...]]
+) -> dict[int, Channel]:
+    schemas: dict[str, tuple[str, str]] = {}
+    for type_, encoding, text in definitions:
+        schemas.setdefault(str(type_), (str(encoding), str(text or "")))
+    channels = {}
+    for number, topic, type_, encoding in topics:
+        schema_encoding, schema = schemas.get(str(type_), ("", ""))
+        if isinstance(number, int):
+            channels[number] = Channel(
+                topic=str(topic),
+                type=ros2_name(str(type_)),
+                encoding=str(encoding),
+                schema=schema.encode(),
+                schema_encoding=schema_encoding if schema else "",
+                count=None,
+            )
+    return channels
+
+
+def _text(value: object) -> object:
+    return value.decode(errors="replace") if isinstance(value, bytes) else value
