@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from mlscli.errors import InputError
-from mlscli.io.compression import ZSTD_MAGIC, decompress, decompress_message, decompress_start
+from mlscli.io.compression import decompress, decompress_start, plain
 from mlscli.io.container import Channel, Message
 from mlscli.io.losses import DamagedError, Losses
 from mlscli.io.streams import in_settled_order, in_time_order, united
@@ -222,19 +222,15 @@ class ChunkedFile(ABC):
         entries.sort(key=lambda entry: entry.log_time)
         for log_time, number, start, stop in entries:
             channel = wanted[number]
-            content = data[start:stop]
-            if content.startswith(ZSTD_MAGIC) and channel.encoding == "cdr":
-                # ROS 2 compressed the messages; none of its own begins like this.
-                try:
-                    content = decompress_message(content)
-                except DamagedError as fault:
-                    losses.add(
-                        f"a message of {channel.topic} is damaged: {fault}",
-                        messages=1,
-                        size=stop - start,
-                    )
-                    continue
-            yield Message(channel, log_time, content)
+            content = plain(data[start:stop], channel.encoding)
+            if isinstance(content, DamagedError):
+                losses.add(
+                    f"a message of {channel.topic} is damaged: {content}",
+                    messages=1,
+                    size=stop - start,
+                )
+            else:
+                yield Message(channel, log_time, content)
 
     def _learn(self, file: BinaryIO, chunk: Chunk) -> None:
         """Read a chunk where no index tells what it holds, or what its channels are."""

@@ -44,8 +44,7 @@ def decompress(data: bytes, method: str, size: int) -> bytes:
         if isinstance(error, DamagedError):
             raise
         raise DamagedError(f"{method}: {_one_line(error)}") from error
-    if len(content) != size:
-        raise DamagedError(f"it holds {len(content):,} bytes decompressed, declared {size:,}")
+    _compare(len(content), size)
     return content
 
 
@@ -69,23 +68,22 @@ def decompress_start(data: bytes, method: str, size: int) -> bytes:
     return b"".join(pieces)[:size]
 
 
-def decompress_message(data: bytes) -> bytes:
-    """Decompress a message that is a zstd frame of its own.
+def plain(data: bytes, encoding: str) -> bytes | DamagedError:
+    """Return a message as it was serialized, or what is wrong with it.
 
-    Raises
-    ------
-    DamagedError
-        It is none, or claims to be larger than any message.
+    ROS 2 can compress each message. That is told by how it begins, as no message in CDR does.
     """
+    if encoding != "cdr" or not data.startswith(ZSTD_MAGIC):
+        return data
     import zstandard
 
     try:
         size = zstandard.frame_content_size(data)
-        if size < 0:
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return decompress(data, "zstd", size) if size >= 0 else _zstd_in_pieces(data, LARGEST)
     except (zstandard.ZstdError, MemoryError) as error:
-        raise DamagedError(f"zstd: {_one_line(error)}") from error
-    return decompress(data, "zstd", size)
+        return DamagedError(f"zstd: {_one_line(error)}")
+    except DamagedError as error:
+        return error
 
 
 def decompress_file(source: BinaryIO, target: BinaryIO) -> str:
@@ -116,24 +114,50 @@ def _whole(method: str) -> Callable[[bytes, int], bytes]:
     if method == "bz2":
         return lambda data, size: bz2.BZ2Decompressor().decompress(data, size + 1)
     if method == "lz4":
-        import lz4.frame
-
-        return lambda data, _: lz4.frame.decompress(data)
+        return _lz4
     if method == "zstd":
         return _zstd
     raise DamagedError(f"its compression is {method[:20]!r}, expected none, bz2, lz4 or zstd")
+
+
+def _lz4(data: bytes, size: int) -> bytes:
+    import lz4.frame
+
+    # What a frame states would be allocated.
+    _compare(lz4.frame.get_frame_info(data)["content_size"] or size, size)
+    return bytes(lz4.frame.decompress(data))
 
 
 def _zstd(data: bytes, size: int) -> bytes:
     import zstandard
 
     stated = zstandard.frame_content_size(data)
-    if stated >= 0 and stated != size:
-        raise DamagedError(f"it holds {stated:,} bytes decompressed, declared {size:,}")
     if stated < 0:
-        # Nothing is allocated by what was declared.
-        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+        return _zstd_in_pieces(data, size)
+    _compare(stated, size)
+    return zstandard.ZstdDecompressor().decompress(data)
+
+
+def _zstd_in_pieces(data: bytes, size: int) -> bytes:
+    """Decompress a frame that does not state its size, up to a size."""
+    import zstandard
+
+    frame = zstandard.ZstdDecompressor().decompressobj()
+    pieces = []
+    have = 0
+    for at in range(0, len(data), _PIECE):
+        pieces.append(frame.decompress(data[at : at + _PIECE]))
+        have += len(pieces[-1])
+        if have > size or frame.eof:
+            break
+    if not frame.eof:
+        raise DamagedError(f"zstd: it breaks off, or holds more than {size:,} bytes")
+    return b"".join(pieces)
+
+
+def _compare(stated: int, declared: int) -> None:
+    if stated != declared:
+        raise DamagedError(f"it holds {stated:,} bytes decompressed, declared {declared:,}")
 
 
 def _stream(method: str) -> Callable[[bytes], bytes]:

@@ -25,6 +25,8 @@ def open_container(path: Path) -> Container:
     try:
         if path.is_dir():
             head = b""
+        elif path.exists() and not path.is_file():
+            raise InputError(f"{path}: is neither a file nor a folder")
         else:
             with path.open("rb") as file:
                 head = file.read(16)

@@ -57,7 +57,7 @@ class Ros2Bag:
         files = [path]
         if path.is_dir():
             metadata = Metadata.read(path, self.notes)
-            files = self._files(metadata)
+            files = self._files(metadata, self._listing())
         for file in files:
             try:
                 self._parts.append(_Part.open(file))
@@ -104,18 +104,25 @@ class Ros2Bag:
     def _read(self, at: int, part: _Part, topics: Collection[str] | None) -> Iterator[Message]:
         """Read the messages of a file, with the channels of the bag."""
         with part.opened() as storage:
+            # By identity, as equality looks at the whole definition.
+            channels = {id(c): self._channels[at, c] for c in storage.channels}
             try:
                 for channel, log_time, data in storage.messages(topics):
-                    yield Message(self._channels[at, channel], log_time, data)
+                    yield Message(channels[id(channel)], log_time, data)
             finally:
                 part.take_losses(storage)
 
-    def _files(self, metadata: Metadata) -> list[Path]:
+    def _listing(self) -> dict[str, Path]:
+        try:
+            return {path.name: path for path in sorted(self.path.iterdir(), key=_by_number)}
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
+
+    def _files(self, metadata: Metadata, there: dict[str, Path]) -> list[Path]:
         """Return the files there are: those that the metadata name, in their order, then others.
 
         A file counts as the one named if it differs by being compressed or not.
         """
-        there = {path.name: path for path in sorted(self.path.iterdir(), key=_by_number)}
         files: dict[str, Path] = {}
         for name in metadata.files:
             plain = _COMPRESSED.sub("", name)
@@ -157,7 +164,7 @@ class Ros2Bag:
     def _nothing(self) -> str:
         if self._found.reasons:
             return f"{self.path}: {self._found.reasons[0]}"
-        names = [path.name for path in sorted(self.path.iterdir())]
+        names = list(self._listing())
         listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
         return (
             f"{self.path}: holds {listed or 'nothing'}, expected the .db3 or .mcap files of a "

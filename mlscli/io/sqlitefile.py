@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.compression import ZSTD_MAGIC, decompress_message
+from mlscli.io.compression import plain
 from mlscli.io.container import Channel, Message
 from mlscli.io.losses import DamagedError, Losses
 from mlscli.io.sqlitepages import Pages
-from mlscli.io.sqlitetables import Database, MessageRows, Salvage, Tables
+from mlscli.io.sqlitetables import Database, MessageRows, Salvage, Tables, values
 from mlscli.io.streams import in_settled_order, united
 
 MAGIC = b"SQLite format 3\0"
@@ -100,17 +100,16 @@ class SqliteFile:
         }
         chosen = self._rows.take(np.flatnonzero(np.isin(self._rows.topics, list(wanted))))
         with self._tables() as tables:
-            for row, topic, time in zip(*chosen, strict=True):
-                channel = wanted[int(topic)]
-                try:
-                    data = tables.data(int(row))
-                    if data.startswith(ZSTD_MAGIC) and channel.encoding == "cdr":
-                        # ROS 2 compressed the messages; none of its own begins like this.
-                        data = decompress_message(data)
-                except DamagedError as fault:
-                    losses.add(f"a message of {channel.topic} is damaged: {fault}", messages=1)
-                    continue
-                yield Message(channel, int(time), data)
+            data = tables.data(chosen)
+            topics_and_times = values(chosen.topics), values(chosen.times)
+            for content, topic, time in zip(data, *topics_and_times, strict=True):
+                channel = wanted[topic]
+                if isinstance(content, bytes):
+                    content = plain(content, channel.encoding)
+                if isinstance(content, DamagedError):
+                    losses.add(f"a message of {channel.topic} is damaged: {content}", messages=1)
+                else:
+                    yield Message(channel, time, content)
 
     def _read_tables(self) -> dict[int, Channel]:
         """Find the messages, in the order of their times; returns the channels."""

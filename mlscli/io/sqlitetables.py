@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -19,6 +19,8 @@ from mlscli.io.messagetypes import ros2_name
 from mlscli.io.sqlitepages import Pages, Row
 from mlscli.typing import Int64
 
+_BLOCK = 1 << 12
+
 
 class MessageRows(NamedTuple):
     """Where the messages are: their rows, topics and times (ns), each int64 (N,)."""
@@ -28,18 +30,21 @@ class MessageRows(NamedTuple):
     times: Int64
 
     @classmethod
-    def of(cls, found: Iterable[tuple[int, object, object]]) -> MessageRows:
-        """Gather rows; those without a topic or a time are no messages."""
-        columns = array("q"), array("q"), array("q")
-        for row, topic, time in found:
-            if isinstance(topic, int) and isinstance(time, int):
-                for column, value in zip(columns, (row, topic, time), strict=True):
-                    column.append(value)
-        return cls(*(np.frombuffer(column, dtype=np.int64) for column in columns))
+    def of(cls, blocks: Iterable[Sequence[tuple[int, int, int]]]) -> MessageRows:
+        """Gather rows, topics and times."""
+        tables = [np.array(block, dtype=np.int64).reshape(-1, 3) for block in blocks]
+        rows, topics, times = np.concatenate([np.empty((0, 3), dtype=np.int64), *tables]).T
+        return cls(rows, topics, times)
 
     def take(self, chosen: Int64) -> MessageRows:
         """Return these messages, in this order."""
         return MessageRows(*(column[chosen] for column in self))
+
+
+def values(column: Int64) -> Iterator[int]:
+    """Return the values of a column one by one, without a list of them all."""
+    for at in range(0, len(column), _BLOCK):
+        yield from column[at : at + _BLOCK].tolist()
 
 
 class Tables(Protocol):
@@ -62,8 +67,8 @@ class Tables(Protocol):
     def messages(self) -> MessageRows:
         """Return where the messages are, in the order of recording."""
 
-    def data(self, row: int) -> bytes:
-        """Return a message; raises DamagedError where that fails."""
+    def data(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
+        """Read messages, in this order; in place of one that cannot be read, why."""
 
 
 class Database:
@@ -91,26 +96,50 @@ class Database:
 
     def messages(self) -> MessageRows:
         """Return where the messages are, in the order of recording."""
-        found = MessageRows.of(
-            self._connection.execute(
-                "SELECT rowid, topic_id, timestamp FROM messages NOT INDEXED ORDER BY rowid"
-            )
+        cursor = self._connection.execute(
+            "SELECT rowid, topic_id, timestamp FROM messages NOT INDEXED "
+            "WHERE typeof(topic_id) = 'integer' AND typeof(timestamp) = 'integer' ORDER BY rowid"
         )
+        found = MessageRows.of(iter(lambda: cursor.fetchmany(_BLOCK), []))
         ((count,),) = self._connection.execute("SELECT count(*) FROM messages NOT INDEXED")
         self.missing = count - len(found.rows)
         return found
 
-    def data(self, row: int) -> bytes:
-        """Return a message."""
+    def data(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
+        """Read messages, in this order; in place of one that cannot be read, why."""
+        came = 0
+        if np.all(wanted.rows[1:] > wanted.rows[:-1]):
+            # As recorded: one query for all is several times as fast for small messages.
+            for data in self._in_turn(wanted):
+                yield data
+                came += 1
+        for row in values(wanted.rows[came:]):
+            yield self._one(row)
+
+    def _in_turn(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
+        """Read messages in the order of their rows, up to damage."""
+        topics = ", ".join(map(str, np.unique(wanted.topics)))
+        expected = values(wanted.rows)
+        due = next(expected, None)
+        try:
+            for row, data in self._connection.execute(
+                f"SELECT rowid, data FROM messages NOT INDEXED WHERE topic_id IN ({topics}) "
+                "ORDER BY rowid"
+            ):
+                if row == due:
+                    yield _checked(data)
+                    due = next(expected, None)
+        except sqlite3.DatabaseError:
+            return
+
+    def _one(self, row: int) -> bytes | DamagedError:
         try:
             found = self._connection.execute(
                 "SELECT data FROM messages WHERE rowid = ?", (row,)
             ).fetchone()
         except sqlite3.DatabaseError as error:
-            raise DamagedError(str(error)) from error
-        if found is None or not isinstance(found[0], bytes):
-            raise DamagedError("it holds no data")
-        return found[0]
+            return DamagedError(str(error))
+        return _checked(found[0] if found else None)
 
 
 class Salvage:
@@ -136,18 +165,19 @@ class Salvage:
     def messages(self) -> MessageRows:
         """Return where the messages are, in the order of recording."""
         numbers = array("q")
-        found = MessageRows.of(self._messages(numbers))
+        found = MessageRows.of([list(self._messages(numbers))])
         _, order = np.unique(np.frombuffer(numbers, dtype=np.int64), return_index=True)
         # They are numbered from 1.
         self.missing = max(numbers, default=0) - len(order)
         return found.take(order)
 
-    def data(self, row: int) -> bytes:
-        """Return a message."""
-        value = self._pages.values(_unpacked(row), 4)[3]
-        if not isinstance(value, bytes):
-            raise DamagedError("it holds no data")
-        return value
+    def data(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
+        """Read messages, in this order; in place of one that cannot be read, why."""
+        for row in values(wanted.rows):
+            try:
+                yield _checked(self._pages.values(_unpacked(row), 4)[3])
+            except DamagedError as fault:
+                yield fault
 
     def _rows(self, table: str) -> Iterator[tuple[object, ...]]:
         """Read the first four values of the rows of a table; the first is a row's number."""
@@ -159,7 +189,7 @@ class Salvage:
                 continue
             yield row.number, *(_text(v) for v in values)
 
-    def _messages(self, numbers: array[int]) -> Iterator[tuple[int, object, object]]:
+    def _messages(self, numbers: array[int]) -> Iterator[tuple[int, int, int]]:
         for row in self._pages.all_rows():
             try:
                 types = self._pages.types(row)
@@ -171,6 +201,10 @@ class Salvage:
             if isinstance(topic, int) and isinstance(time, int) and row.number > 0:
                 numbers.append(row.number)
                 yield _packed(row), topic, time
+
+
+def _checked(data: object) -> bytes | DamagedError:
+    return data if isinstance(data, bytes) else DamagedError("it holds no data")
 
 
 def _packed(row: Row) -> int:
