@@ -15,7 +15,7 @@ LARGEST = 1 << 32
 
 # A block of zstd can be 30,000 times as large decompressed.
 _PIECE = 1 << 14
-_SMALL_PIECE = 1 << 10
+_SMALL_PIECE = 1 << 8
 
 
 def decompress(data: bytes, method: str, size: int) -> bytes:
@@ -145,8 +145,8 @@ def _zstd_in_pieces(data: bytes, size: int) -> bytes:
     frame = zstandard.ZstdDecompressor().decompressobj()
     pieces = []
     have = 0
-    for at in range(0, len(data), _PIECE):
-        pieces.append(frame.decompress(data[at : at + _PIECE]))
+    for at in range(0, len(data), _SMALL_PIECE):
+        pieces.append(frame.decompress(data[at : at + _SMALL_PIECE]))
         have += len(pieces[-1])
         if have > size or frame.eof:
             break

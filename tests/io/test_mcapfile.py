@@ -225,6 +225,24 @@ def test_after_a_chunk_of_a_wrong_length_reading_goes_on(tmp_path: Path, form: s
         assert file.losses
 
 
+def test_a_summary_with_a_wrong_checksum_is_not_believed(tmp_path: Path) -> None:
+    messages = flight(40)
+    path = write_mcap(tmp_path / "a.mcap", messages)
+    whole = path.read_bytes()
+    ((_, summary),) = mcap_records(whole, Opcode.DATA_END)
+    for at in range(summary, len(whole) - 8, 5):
+        data = bytearray(whole)
+        data[at] ^= 0x11
+        path.write_bytes(data)
+        file = McapFile(path)
+        assert file.time_span == (SECOND, 40 * SECOND)
+        assert [(c.topic, c.type, c.count) for c in file.channels] == [
+            ("/a", STRING, 20), ("/b", STRING, 20),
+        ]  # fmt: skip
+        assert content(file) == messages
+        assert file.losses == []
+
+
 def test_damage_beside_a_chunk_that_the_summary_knows_leaves_the_chunk(tmp_path: Path) -> None:
     messages = flight()
     path = tmp_path / "a.mcap"

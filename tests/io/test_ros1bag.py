@@ -191,6 +191,37 @@ def test_a_damaged_chunk_loses_just_that_chunk(tmp_path: Path, compression: str)
     assert bag.losses == []
 
 
+def test_of_a_plain_chunk_the_messages_before_its_damage_are_read(tmp_path: Path) -> None:
+    messages = flight(40)
+    path = write_ros1(tmp_path / "a.bag", messages, threshold=10**7)
+    data = bytearray(path.read_bytes())
+    # The length of the header of a record: a header of 38 bytes, and a length, precede the data.
+    at = data.index(messages[25].data) - 4 - 38 - 4
+    assert struct.unpack_from("<I", data, at) == (38,)
+    struct.pack_into("<I", data, at, 1 << 30)
+    path.write_bytes(data)
+    bag = Ros1Bag(path)
+    assert content(bag) == messages[:25]
+    assert "is damaged: no record is at its byte" in bag.losses[0]
+    assert "lost: 15 messages" in bag.losses[0]
+
+
+def test_a_cut_between_the_indexes_of_a_chunk_hides_no_topic(tmp_path: Path) -> None:
+    messages = flight()
+    path = write_ros1(tmp_path / "a.bag", messages, "lz4")
+    data = path.read_bytes()
+    # The last chunk has an index for each of the two topics.
+    last = data.rindex(b"op=\4")
+    before = data.rindex(b"op=\4", 0, last)
+    end = data.rindex(struct.pack("<I", 47), 0, last)
+    assert before < end < last
+    path.write_bytes(data[:end])
+    bag = Ros1Bag(path)
+    for topic in ("/a", "/b"):
+        assert content(bag, [topic]) == [m for m in messages if m.topic == topic]
+    assert bag.losses
+
+
 @pytest.mark.parametrize("place", [b"compression=", b"size="])
 def test_after_a_chunk_without_a_header_reading_goes_on(tmp_path: Path, place: bytes) -> None:
     messages = flight()

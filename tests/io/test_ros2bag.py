@@ -285,6 +285,13 @@ def test_files_of_both_kinds_in_a_folder_are_read_in_the_order_of_time(tmp_path:
     assert content(Ros2Bag(tmp_path)) == messages
 
 
+def test_of_equal_times_the_file_with_the_lower_number_comes_first(tmp_path: Path) -> None:
+    messages = [message._replace(log_time=SECOND) for message in flight(3)]
+    for name, message in zip(("bag_1", "bag_2", "bag_10"), messages, strict=True):
+        write_early(tmp_path / f"{name}.db3", [message])
+    assert content(Ros2Bag(tmp_path)) == messages
+
+
 def test_a_compressed_file_that_is_cut_yields_what_lies_before_the_cut(tmp_path: Path) -> None:
     messages = cdr(flight(size=4000))
     write_mcap(tmp_path / "a.mcap", messages, chunk_size=10_000)
