@@ -90,6 +90,10 @@ class TransformTree:
         """
         return self._upwards(bare(frame), {})
 
+    def moves(self, frame: str) -> bool:
+        """Tell whether a frame, or one of its ancestors, has transforms over time."""
+        return any(above in self._moving for above in self.ancestors(frame))
+
     def lookup(self, target: str, source: str, stamps: Float64) -> Poses:
         """Return T_target_source at each of these times.
 

@@ -63,9 +63,10 @@ def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
 
 
 def _of_recording(path: str, columns: str | None) -> dict[str, Any]:
+    from mlscli.io.base import Reading
     from mlscli.io.formats import open_source
 
-    source = open_source(Path(path), columns=columns)
+    source = open_source(Path(path), Reading(columns=columns))
     begin, end = (None if math.isnan(time) else time for time in source.time_span())
     result: dict[str, Any] = {"file": path, "kind": source.kind, "start": begin, "end": end}
     if source.topics():
@@ -74,11 +75,10 @@ def _of_recording(path: str, columns: str | None) -> dict[str, Any]:
 
 
 def _topics(source: Source) -> list[dict[str, Any]]:
-    from mlscli.io.recording import why_not_mapped
+    from mlscli.io.placing import why_not_mapped
 
     rows = []
-    for topic in source.topics():
-        why_not = why_not_mapped(topic)
+    for topic, why_not in zip(source.topics(), why_not_mapped(source), strict=True):
         rows.append(
             {
                 "name": topic.name,
@@ -196,6 +196,6 @@ def _topic_lines(topics: list[dict[str, Any]]) -> Iterable[str]:
             f"{topic['messages']:>{widths[2]}}  {can}{frame}"
         )
     if not any(topic["mappable"] for topic in topics):
-        from mlscli.io.messages import CLOUD_TYPES
+        from mlscli.io.messages import MAPPABLE
 
-        yield f"  can be mapped: {', '.join(CLOUD_TYPES)}"
+        yield f"  can be mapped: {MAPPABLE}"

@@ -69,8 +69,8 @@ def reading(command: Command) -> Command:
             "--up",
             default="z",
             metavar="AXIS",
-            help="Axis of the recording that points up: z (default), -z, y, -y, x or -x. Maps in "
-            "a camera's frame mostly have y down: -y.",
+            help="Axis of the recording that points up: z (default), -z, y, -y, x or -x; auto "
+            "finds it. Maps in a camera's frame mostly have y down: -y.",
         ),
         click.option(
             "--cumulative",
@@ -80,8 +80,31 @@ def reading(command: Command) -> Command:
         click.option(
             "--frame",
             metavar="FRAME",
-            help="The frame of the clouds, where it has no usual name (map, odom, world) and yet "
-            "stands still: it becomes the map frame.",
+            help="The map frame. Clouds in it are taken as they are, also where it has no usual "
+            "name (map, odom, world); others are moved into it by the transforms (/tf).",
+        ),
+        click.option(
+            "--pose-topic",
+            metavar="NAME",
+            help="Topic that tells where the craft was (odometry, poses, a path), to move clouds "
+            "by instead of the transforms.",
+        ),
+        click.option(
+            "--extrinsic",
+            type=Numbers("x,y,z,qx,qy,qz,qw"),
+            help="Where the sensor is on the craft, where the recording does not tell.",
+        ),
+        click.option(
+            "--time-source",
+            type=click.Choice(["header", "log"]),
+            default="header",
+            help="Whose times count: those in the messages (default), or of their recording, for "
+            "messages whose headers are empty.",
+        ),
+        click.option(
+            "--route",
+            metavar="FILE",
+            help="Trajectory of the craft, lines of: stamp x y z qx qy qz qw (TUM).",
         ),
     )
     for option in reversed(options):

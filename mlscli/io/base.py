@@ -6,12 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Array, Float64, Int64
+
+if TYPE_CHECKING:
+    from mlscli.io.poses import StampedPoses
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +46,46 @@ class Topic:
     Attributes
     ----------
     name, type : str
-    count : int
-        Messages, as the recording declares them.
+    count : int or None
+        Messages, as the recording declares them; None where only reading tells.
     mappable : bool
         Whether clouds can be read from it.
     why_not : str
         What stands against it; empty where it can be mapped.
     frame : str
         The frame of its first cloud; empty where none is stated or known.
+    poses : bool
+        Whether it tells where the craft was.
     """
 
     name: str
     type: str
-    count: int
+    count: int | None
     mappable: bool
     why_not: str
     frame: str
+    poses: bool = False
+
+
+Clock = Literal["header", "log"]
+"""Whose times count: those in the headers of messages, or those of their recording."""
+
+
+class Reading(NamedTuple):
+    """What the user says of how sources are to be read.
+
+    Attributes
+    ----------
+    topic : str or None
+        The topic of the clouds, in formats that have topics.
+    columns : str or None
+        What the columns of a text cloud are, such as ``x,y,z,-,keyframe``.
+    clock : {"header", "log"}
+    """
+
+    topic: str | None = None
+    columns: str | None = None
+    clock: Clock = "header"
 
 
 Wanted = Callable[[float], bool]
@@ -109,6 +136,12 @@ class Source(Protocol):
 
     def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
         """Read the clouds anew, in order, without those whose time stamp is not wanted."""
+
+    def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
+        """Tell where frames are in others, and whether they stay there."""
+
+    def poses(self, topic: str) -> Iterator[StampedPoses]:
+        """Tell the poses of a topic; none where there is no such topic."""
 
 
 def rows_by_first_appearance(labels: Array) -> list[Int64]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mlscli.errors import InputError
-from mlscli.io.base import Source
+from mlscli.io.base import Reading, Source
 
 READABLE = (
     "ROS 1 bags, ROS 2 bags (a folder with metadata.yaml, .db3, .mcap), text clouds, .ply, .pcd, "
@@ -20,16 +20,14 @@ _HEAD = 1 << 16
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
-def open_source(path: Path, topic: str | None = None, columns: str | None = None) -> Source:
+def open_source(path: Path, reading: Reading | None = None) -> Source:
     """Tell the format of a file or folder by its content and open it.
 
     Parameters
     ----------
     path : Path
-    topic : str, optional
-        The topic of the clouds, in formats that have topics.
-    columns : str, optional
-        What the columns of a text cloud are, such as ``x,y,z,-,keyframe``.
+    reading : Reading, optional
+        What the user says of how it is to be read.
 
     Raises
     ------
@@ -42,14 +40,14 @@ def open_source(path: Path, topic: str | None = None, columns: str | None = None
                 raise InputError(
                     f"{path}: is {format_.name}, which cannot be read; can be read: {READABLE}"
                 )
-            return format_.open(path, topic, columns)
+            return format_.open(path, reading or Reading())
     raise InputError(f"{path}: holds {_content(path)}; can be read: {READABLE}")
 
 
 class _Format(NamedTuple):
     name: str
     holds: Callable[[Path, bytes], bool]
-    open: Callable[[Path, str | None, str | None], Source] | None = None
+    open: Callable[[Path, Reading], Source] | None = None
 
 
 def _starting(*magics: bytes) -> Callable[[Path, bytes], bool]:
@@ -60,40 +58,38 @@ def _folder_with(*names: str) -> Callable[[Path, bytes], bool]:
     return lambda path, _: any((path / name).exists() for name in names)
 
 
-def _open_rosbag(kind: str, suffix: str) -> Callable[[Path, str | None, str | None], Source]:
-    def open_(path: Path, topic: str | None, _: str | None) -> Source:
-        from mlscli.io.rosbag import RosBag
+def _open_messages(path: Path, reading: Reading) -> Source:
+    from mlscli.io.containers import open_container
+    from mlscli.io.topic import TopicSource
 
-        return RosBag(path, kind, suffix, topic)
-
-    return open_
+    return TopicSource(open_container(path), reading.topic, reading.clock)
 
 
-def _open_text(path: Path, _: str | None, columns: str | None) -> Source:
+def _open_text(path: Path, reading: Reading) -> Source:
     from mlscli.io.text import TextCloud
 
-    return TextCloud(path, columns)
+    return TextCloud(path, reading.columns)
 
 
-def _open_ply(path: Path, _: str | None, __: str | None) -> Source:
+def _open_ply(path: Path, _: Reading) -> Source:
     from mlscli.io.plycloud import PlyCloud
 
     return PlyCloud(path)
 
 
-def _open_pcd(path: Path, _: str | None, __: str | None) -> Source:
+def _open_pcd(path: Path, _: Reading) -> Source:
     from mlscli.io.pcd import PcdCloud
 
     return PcdCloud(path)
 
 
-def _open_las(path: Path, _: str | None, __: str | None) -> Source:
+def _open_las(path: Path, _: Reading) -> Source:
     from mlscli.io.las import LasCloud
 
     return LasCloud(path)
 
 
-def _open_colmap(path: Path, _: str | None, __: str | None) -> Source:
+def _open_colmap(path: Path, _: Reading) -> Source:
     from mlscli.io.colmap import ColmapModel
 
     models = _colmap_models(path)
@@ -105,10 +101,18 @@ def _open_colmap(path: Path, _: str | None, __: str | None) -> Source:
     return ColmapModel(models[0])
 
 
-def _open_opensfm(path: Path, _: str | None, __: str | None) -> Source:
+def _open_opensfm(path: Path, _: Reading) -> Source:
     from mlscli.io.opensfm import OpenSfmReconstruction
 
     return OpenSfmReconstruction(_reconstructions(path)[0])
+
+
+def _is_ros2_folder(path: Path) -> bool:
+    """Tell whether a folder is a ROS 2 bag: by its metadata, or by files of one without them."""
+    if not path.is_dir():
+        return False
+    endings = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
+    return any(c.name == "metadata.yaml" or c.name.endswith(endings) for c in path.iterdir())
 
 
 def _colmap_models(path: Path) -> list[Path]:
@@ -145,10 +149,11 @@ def _is_text(path: Path, head: bytes) -> bool:
 
 
 _FORMATS = (
-    _Format("ROS 2 bag", _folder_with("metadata.yaml"), _open_rosbag("ROS 2 bag", "")),
-    _Format("ROS 1 bag", _starting(b"#ROSBAG V2.0"), _open_rosbag("ROS 1 bag", ".bag")),
-    _Format("MCAP", _starting(b"\x89MCAP0\r\n"), _open_rosbag("ROS 2 bag (MCAP)", ".mcap")),
-    _Format("SQLite", _starting(b"SQLite format 3\0"), _open_rosbag("ROS 2 bag (SQLite)", ".db3")),
+    _Format("ROS 2 bag", lambda path, _: _is_ros2_folder(path), _open_messages),
+    _Format("ROS 1 bag", _starting(b"#ROSBAG V2.0"), _open_messages),
+    _Format("MCAP", _starting(b"\x89MCAP0\r\n"), _open_messages),
+    _Format("SQLite", _starting(b"SQLite format 3\0"), _open_messages),
+    _Format("a file of a ROS 2 bag, compressed", _starting(b"\x28\xb5\x2f\xfd"), _open_messages),
     _Format("a bag of a ROS 1 version before 2.0", _starting(b"#ROSBAG V", b"#ROSRECORD")),
     _Format("PLY", _starting(b"ply\n", b"ply\r", b"ply "), _open_ply),
     _Format("PCD", _starting(b"# .PCD", b"VERSION 0.", b"VERSION .", b"FIELDS "), _open_pcd),
@@ -183,6 +188,7 @@ def _content(path: Path) -> str:
     if path.is_dir():
         names = sorted(os.listdir(path))  # noqa: PTH208
         listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
-        return f"{listed or 'nothing'}, and no metadata.yaml, which makes a folder a ROS 2 bag"
+        lacking = "no metadata.yaml, .db3 or .mcap, which make a folder a ROS 2 bag"
+        return f"{listed or 'nothing'}, and {lacking}"
     head = _head(path)
     return "binary data of no known format" if head.strip() else "nothing"

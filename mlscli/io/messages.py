@@ -16,7 +16,7 @@ from mlscli.io.parts import MalformedCloudError, Part, checked
 from mlscli.io.pointcloud import decode_pointcloud, decode_posearray
 from mlscli.io.pointcloud2 import decode_pointcloud2
 
-__all__ = ["CLOUD_TYPES", "MalformedCloudError", "Part"]
+__all__ = ["CLOUD_TYPES", "MAPPABLE", "MalformedCloudError", "Part"]
 
 CLOUD_TYPES: dict[str, Callable[[Any], list[Part]]] = {
     type_: checked(type_, decode)
@@ -38,3 +38,6 @@ CLOUD_TYPES: dict[str, Callable[[Any], list[Part]]] = {
 A decoder takes a message that `Deserializer` has read and raises `MalformedCloudError` where it
 contradicts itself.
 """
+
+MAPPABLE = ", ".join(type_ for type_ in CLOUD_TYPES if not type_.startswith("foxglove_msgs"))
+"""Their names, for messages to the user; those of Foxglove have two spellings."""

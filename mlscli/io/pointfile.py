@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from mlscli.errors import InputError
 from mlscli.io.base import Cloud, Topic, Wanted, everything, rows_by_first_appearance
 from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Array, Float64
+
+if TYPE_CHECKING:
+    from mlscli.io.poses import StampedPoses
 
 KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
 """What a field that tells the points of several keyframes apart is named."""
@@ -89,6 +92,14 @@ class PointFile(ABC):
     def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
         """Yield the cloud of each keyframe."""
         return (cloud for cloud in self._content.clouds if wanted(cloud.stamp))
+
+    def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
+        """Tell nothing: clouds and positions of one file are in one frame."""
+        return iter(())
+
+    def poses(self, topic: str) -> Iterator[StampedPoses]:  # noqa: ARG002
+        """Tell nothing: such files have no topics."""
+        return iter(())
 
     @cached_property
     def _content(self) -> Content:

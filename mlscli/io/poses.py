@@ -21,7 +21,7 @@ from mlscli.typing import Float64
 _Row: TypeAlias = tuple[str, str, Any, Any, Any]
 
 
-class Poses(NamedTuple):
+class StampedPoses(NamedTuple):
     """T_parent_child at some times, in the order of the message.
 
     Attributes
@@ -34,7 +34,7 @@ class Poses(NamedTuple):
     parent, child : str
         Frames, without a leading slash; the child is empty where the message names none.
     refused : int
-        Poses that were left out: not finite, or with a quaternion without length.
+        StampedPoses that were left out: not finite, or with a quaternion without length.
     """
 
     stamps: Float64
@@ -67,7 +67,7 @@ def _pose_with_covariance_stamped(message: Any) -> Iterator[_Row]:
 
 def _path(message: Any) -> Iterator[_Row]:
     for each in message.poses:
-        # Poses that name no frame are in the path's.
+        # StampedPoses that name no frame are in the path's.
         parent = each.header.frame_id or message.header.frame_id
         yield parent, "", each.header.stamp, each.pose.position, each.pose.orientation
 
@@ -102,11 +102,11 @@ def _frame_transforms(message: Any) -> Iterator[_Row]:
         yield from _frame_transform(each)
 
 
-def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[Poses]]:
+def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[StampedPoses]]:
     """Let a decoder return arrays, for each pair of frames in order of first appearance."""
 
     @wraps(rows)
-    def decode(message: Any) -> list[Poses]:
+    def decode(message: Any) -> list[StampedPoses]:
         tables: dict[tuple[str, str], list[tuple[float, ...]]] = {}
         for parent, child, time, at, turn in rows(message):
             tables.setdefault((frame_name(parent), frame_name(child)), []).append(
@@ -117,18 +117,18 @@ def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[Pos
     return decode
 
 
-def _poses(rows: list[tuple[float, ...]], parent: str, child: str) -> Poses:
+def _poses(rows: list[tuple[float, ...]], parent: str, child: str) -> StampedPoses:
     table = np.array(rows, dtype=np.float64)
     lengths = np.sqrt(np.square(table[:, 4:]).sum(axis=1))
     good = np.isfinite(table).all(axis=1) & np.isfinite(lengths) & (lengths > 0)
     table, lengths = table[good], lengths[good]
     refused = int(np.count_nonzero(~good))
-    return Poses(
+    return StampedPoses(
         table[:, 0], table[:, 1:4], table[:, 4:] / lengths[:, None], parent, child, refused
     )
 
 
-POSE_TYPES: dict[str, Callable[[Any], list[Poses]]] = {
+POSE_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
     type_: checked(type_, _gathered(rows))
     for type_, rows in {
         "nav_msgs/msg/Odometry": _odometry,
@@ -142,7 +142,7 @@ POSE_TYPES: dict[str, Callable[[Any], list[Poses]]] = {
 }
 """The message types that tell where the craft is, and how each is decoded."""
 
-TRANSFORM_TYPES: dict[str, Callable[[Any], list[Poses]]] = {
+TRANSFORM_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
     type_: checked(type_, _gathered(rows))
     for type_, rows in {
         "tf2_msgs/msg/TFMessage": _tf_message,

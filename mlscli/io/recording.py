@@ -4,25 +4,35 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias, get_args
 
 import numpy as np
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io.base import Cloud, Source, Topic, Wanted
+from mlscli.io.base import Clock, Cloud, Reading, Source
 from mlscli.io.formats import open_source
+from mlscli.io.placing import Asked, Mounting, Placing
 from mlscli.io.selection import Selection
+from mlscli.io.trajectory import Trajectory, read_trajectory
 from mlscli.keyframes import FARTHEST, UNKNOWN_POSITION, Keyframe
+from mlscli.poses import turn
+from mlscli.transforms import bare
 from mlscli.typing import Bool, Float64
 from mlscli.up import UP_AXES
 
-WORLD_FRAMES = (
-    *("map", "odom", "odom_combined", "world", "earth", "global", "origin", "local_origin"),
-    *("camera_init", "vicon"),
-)
-"""Frames that stand still, whatever name space they are in."""
+if TYPE_CHECKING:
+    from mlscli.up import Up
+
+Turn: TypeAlias = Callable[[Float64], Float64]
+"""Turns points (N, 3) as recorded so that z points up."""
+
+AUTO = "auto"
+"""The value of ``--up`` that asks for the vertical to be found."""
+
+NO_RETURN, UNPLACED = "no return", "no transform at their time"
+"""Why points are dropped: a sensor without an echo says (0, 0, 0), which is where it is itself."""
 
 
 @dataclass
@@ -37,11 +47,19 @@ class Tally:
         How many points were dropped, by reason.
     keyframes : int
         Keyframes selected.
+    unplaced : int
+        How many of them are left out, as it is not known where they were.
     """
 
     points_read: int = 0
     dropped: dict[str, int] = field(default_factory=dict)
     keyframes: int = 0
+    unplaced: int = 0
+
+    def drop(self, reason: str, points: int) -> None:
+        """Count dropped points under a reason."""
+        if points:
+            self.dropped[reason] = self.dropped.get(reason, 0) + points
 
 
 @dataclass(eq=False)
@@ -62,11 +80,18 @@ class Recording:
 
     _sources: Sequence[Source]
     _selection: Selection
-    _up: str
+    _placing: Placing
+    _turn: Turn
     _cumulative: bool
-    frame_id: str
+    _trajectory: Trajectory | None = None
+    _notes: Sequence[str] = ()
     options: dict[str, Any] = field(default_factory=dict)
     tally: Tally = field(default_factory=Tally)
+
+    @property
+    def frame_id(self) -> str:
+        """The map frame; "map" where no source names one."""
+        return self._placing.frame_id
 
     @property
     def sources(self) -> list[str]:
@@ -75,12 +100,15 @@ class Recording:
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know about how the sources are read."""
-        return [
-            note
-            for source in self._sources
-            for note in (*source.notes, *_frame_note(source, self.frame_id))
-        ]
+        """What the user should know about how the sources are read; some a pass only tells."""
+        notes = [note for source in self._sources for note in source.notes]
+        notes += [*self._placing.notes, *self._notes]
+        if self.tally.unplaced:
+            notes.append(
+                f"{self.tally.unplaced:,} of {self.tally.keyframes:,} keyframes are left out: "
+                "where they were is not known at their times"
+            )
+        return notes
 
     @property
     def losses(self) -> list[str]:
@@ -116,33 +144,49 @@ class Recording:
             Times are asked for where there are none.
         """
         self.tally = tally = Tally()
-        axes, signs = UP_AXES[self._up]
         filters = self._filters()
         wanted = self._selection.chooser()
-        clouds = (cloud for source in self._sources for cloud in self._clouds(source, wanted))
-        for number, cloud in enumerate(clouds):
+        clouds = ((source, cloud) for source in self._sources for cloud in source.clouds(wanted))
+        for number, (source, cloud) in enumerate(clouds):
             if number % self._selection.every:
                 continue
             tally.keyframes += 1
             tally.points_read += len(cloud.points)
-            points = np.take(cloud.points, axes, axis=1) * signs + 0.0
+            placed = self._placed(source, cloud)
+            if placed is None:
+                continue
+            points = self._turn(placed.points) + 0.0
             for reason, keeps in filters:
                 kept = keeps(points)
                 dropped = len(points) - int(np.count_nonzero(kept))
                 if dropped:
-                    tally.dropped[reason] = tally.dropped.get(reason, 0) + dropped
+                    tally.drop(reason, dropped)
                     points = points[kept]
-            yield Keyframe(points, cloud.stamp, _turned(cloud.position, self._up))
+            yield Keyframe(points, cloud.stamp, _turned(placed.position, self._turn))
         if tally.points_read == sum(tally.dropped.values()):
             raise InputError(self._emptiness())
 
-    def _clouds(self, source: Source, wanted: Wanted) -> Iterator[Cloud]:
-        """Yield the clouds of a source that are in the map frame; refuse any other."""
-        for cloud in source.clouds(wanted):
-            frame = _bare(cloud.frame_id)
-            if frame and frame != self.frame_id:
-                raise _other_frame(source, frame, self.frame_id)
-            yield cloud
+    def loose_route(self) -> Float64:
+        """Return the rows (K, 4) of a trajectory that no keyframe's time leads to.
+
+        Where the clouds have no time stamps, what a file tells of the route stands by itself.
+        """
+        if self._trajectory is None:
+            return np.empty((0, 4))
+        route = self._trajectory.route
+        return np.column_stack((route[:, 0], self._turn(route[:, 1:]) + 0.0))
+
+    def _placed(self, source: Source, cloud: Cloud) -> Cloud | None:
+        """Return a cloud in the map frame; None where it is not known where it was."""
+        if self._placing.moves_with_craft(cloud.frame_id):
+            returned = np.asarray(cloud.points.any(axis=1))
+            self.tally.drop(NO_RETURN, len(returned) - int(np.count_nonzero(returned)))
+            cloud = replace(cloud, points=cloud.points[returned])
+        placed = self._placing.place(source, cloud)
+        if placed is None:
+            self.tally.unplaced += 1
+            self.tally.drop(UNPLACED, len(cloud.points))
+        return placed
 
     def _filters(self) -> list[tuple[str, Callable[[Float64], Bool]]]:
         """Return why points are dropped, in the order asked, and which are kept."""
@@ -187,6 +231,10 @@ def open_recording(
     up: str = "z",
     cumulative: bool = False,
     frame: str | None = None,
+    pose_topic: str | None = None,
+    extrinsic: Sequence[float] | None = None,
+    time_source: Clock = "header",
+    route: str | os.PathLike[str] | None = None,
 ) -> Recording:
     """Open one or more sources as one recording.
 
@@ -205,31 +253,46 @@ def open_recording(
     crop : six floats, optional
         xmin, xmax, ymin, ymax, zmin, zmax in the map frame, inclusive.
     up : str
-        Which axis of the recording points up: z, -z, y, -y, x or -x.
+        Which axis of the recording points up: z, -z, y, -y, x or -x; auto finds it.
     cumulative : bool
         Take a point only where its coordinates come for the first time.
     frame : str, optional
         The map frame; clouds in it are taken as they are.
+    pose_topic : str, optional
+        The topic that tells where the craft was, to move clouds by.
+    extrinsic : seven floats, optional
+        Where the sensor is on the craft: x, y, z and a quaternion x, y, z, w.
+    time_source : {"header", "log"}
+        Whose times count: those in the messages, or those of their recording.
+    route : path, optional
+        A trajectory that tells where the craft was: lines of ``stamp x y z qx qy qz qw``.
 
     Raises
     ------
     UsageError
         An option is out of range, or fits no source, or the topic is ambiguous.
     InputError
-        A source is missing, broken, of no known format, or not in the map frame.
+        A source is missing, broken, of no known format, or cannot come into the map frame.
     """
     selection = Selection(start, end, every, crop)
-    if up not in UP_AXES:
-        raise UsageError(f"--up {up}: expected one of {', '.join(UP_AXES)}")
-    if frame is not None and not _bare(frame):
+    if up not in (*UP_AXES, AUTO):
+        raise UsageError(f"--up {up}: expected one of {', '.join(UP_AXES)}, {AUTO}")
+    if frame is not None and not bare(frame):
         raise UsageError("--frame: expected the name of the map frame, found nothing")
+    if time_source not in get_args(Clock):
+        expected = ", ".join(get_args(Clock))
+        raise UsageError(f"--time-source {time_source}: expected one of {expected}")
     if not sources:
         raise UsageError("no source given: expected at least one recording")
-    opened = [open_source(Path(source), topic, columns) for source in sources]
-    _check_applies("--topic", topic, [bool(source.topics()) for source in opened], "a bag")
-    _check_applies(
-        "--columns", columns, [source.kind == "text cloud" for source in opened], "a text cloud"
-    )
+    opened = [open_source(Path(source), Reading(topic, columns, time_source)) for source in sources]
+    has_topics = [bool(source.topics()) for source in opened]
+    is_text = [source.kind == "text cloud" for source in opened]
+    _check_applies("--topic", topic, has_topics, "a bag")
+    _check_applies("--pose-topic", pose_topic, has_topics, "a bag")
+    _check_applies("--extrinsic", _listed(extrinsic), has_topics, "a bag")
+    _check_applies("--columns", columns, is_text, "a text cloud")
+    trajectory = None if route is None else read_trajectory(Path(route))
+    placing = Placing.of(opened, Asked(frame, pose_topic, _mounting(extrinsic), trajectory))
     given = {
         "topic": topic,
         "columns": columns,
@@ -240,73 +303,76 @@ def open_recording(
         "up": up if up != "z" else None,
         "cumulative": cumulative or None,
         "frame": frame,
+        "pose_topic": pose_topic,
+        "extrinsic": None if extrinsic is None else list(extrinsic),
+        "time_source": time_source if time_source != "header" else None,
+        "route": None if route is None else os.fspath(route),
     }
     options = {name: value for name, value in given.items() if value is not None}
-    return Recording(opened, selection, up, cumulative, _map_frame(opened, frame), options)
+    notes = list(trajectory.notes) if trajectory else []
+    recording = Recording(
+        opened, selection, placing, _as_it_is, cumulative, trajectory, notes, options
+    )
+    if up == AUTO:
+        found = _find_up(recording, trajectory)
+        recording._turn = lambda points: turn(found.matrix, points)
+        notes.append(found.summary)
+    elif up != "z":
+        recording._turn = _axes_turned(up)
+    return recording
 
 
-def why_not_mapped(topic: Topic) -> str:
-    """Say what stands against mapping a topic; nothing where it can be mapped as it is."""
-    frame = _bare(topic.frame)
-    if topic.mappable and frame and not _is_world(frame):
-        return f"frame {frame!r} is no world frame; where it stands still, say --frame {frame}"
-    return topic.why_not
+def _find_up(recording: Recording, trajectory: Trajectory | None) -> Up:
+    """Find the vertical of a recording in a pass of its own."""
+    from mlscli.surroundings import PointSample
+    from mlscli.vertical import find_up
+
+    sample, positions = PointSample(), []
+    for keyframe in recording.keyframes():
+        sample.add(keyframe.points)
+        positions.append(keyframe.position)
+    route, attitudes = np.array(positions).reshape(-1, 3), None
+    if trajectory is not None:
+        route, attitudes = trajectory.positions, trajectory.attitudes
+    return find_up(sample.points, route, attitudes)
+
+
+def _as_it_is(points: Float64) -> Float64:
+    return points
+
+
+def _axes_turned(up: str) -> Turn:
+    axes, signs = UP_AXES[up]
+    return lambda points: np.take(points, axes, axis=1) * signs
+
+
+def _turned(position: tuple[float, float, float], turned: Turn) -> tuple[float, float, float]:
+    """Turn a position like the points; unknown where one coordinate is not finite."""
+    if not np.isfinite(position).all():
+        return UNKNOWN_POSITION
+    x, y, z = (turned(np.array([position])) + 0.0)[0].tolist()
+    return x, y, z
+
+
+def _mounting(extrinsic: Sequence[float] | None) -> Mounting | None:
+    if extrinsic is None:
+        return None
+    if len(extrinsic) != 7 or not np.isfinite(extrinsic).all() or not any(extrinsic[3:]):
+        raise UsageError(
+            f"--extrinsic {_listed(extrinsic)}: expected x,y,z,qx,qy,qz,qw, finite numbers, the "
+            "quaternion not all 0"
+        )
+    x, y, z, *rotation = extrinsic
+    qx, qy, qz, qw = rotation
+    return Mounting((x, y, z), (qx, qy, qz, qw))
+
+
+def _listed(numbers: Sequence[float] | None) -> str | None:
+    return None if numbers is None else ",".join(f"{number:g}" for number in numbers)
 
 
 def _on_all_axes(holds: Bool) -> Bool:
     return np.asarray(holds.all(axis=1))
-
-
-def _turned(position: tuple[float, float, float], up: str) -> tuple[float, float, float]:
-    """Turn a position like the points; unknown where one coordinate is not finite."""
-    if not np.isfinite(position).all():
-        return UNKNOWN_POSITION
-    axes, signs = UP_AXES[up]
-    x, y, z = (position[axis] * sign + 0.0 for axis, sign in zip(axes, signs, strict=True))
-    return x, y, z
-
-
-def _bare(frame: str) -> str:
-    return frame.strip().lstrip("/")
-
-
-def _is_world(frame: str) -> bool:
-    return frame.rpartition("/")[2] in WORLD_FRAMES
-
-
-def _map_frame(sources: Sequence[Source], declared: str | None) -> str:
-    """Return the frame declared, or else the world frame that the first source states."""
-    if declared is not None:
-        return _bare(declared)
-    for source in sources:
-        frame = _bare(source.frame_id)
-        if frame:
-            if not _is_world(frame):
-                raise _other_frame(source, frame, None)
-            return frame
-    return "map"
-
-
-def _other_frame(source: Source, frame: str, map_frame: str | None) -> InputError:
-    if map_frame is None:
-        expected = (
-            f"a world frame ({', '.join(WORLD_FRAMES)}); clouds that move with a sensor cannot be "
-            f"mapped, but where {frame!r} stands still, --frame {frame} says so"
-        )
-    else:
-        expected = f"the map frame {map_frame!r}"
-    return InputError(f"{source.label}: the clouds are in the frame {frame!r}, expected {expected}")
-
-
-def _frame_note(source: Source, map_frame: str) -> list[str]:
-    """Say in which frame clouds were taken as they are, where there are frames at all."""
-    if not source.topics():
-        return []
-    frame = _bare(source.frame_id)
-    if frame and frame != map_frame:
-        return []
-    stated = f"are in the frame {frame!r}" if frame else "state no frame"
-    return [f"{source.label}: the clouds {stated} and are taken as they are"]
 
 
 def _check_applies(option: str, value: object, applies: Sequence[bool], what: str) -> None:

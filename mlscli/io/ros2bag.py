@@ -28,6 +28,7 @@ from mlscli.io.streams import in_settled_order, in_time_order, united
 Storage: TypeAlias = SqliteFile | McapFile
 
 _STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
+_NUMBER = re.compile(r"(?:_\d+)?\.(?:db3|mcap)$")
 _COMPRESSED = re.compile(r"\.zstd?$")
 
 
@@ -136,6 +137,11 @@ class Ros2Bag:
             for name, path in there.items()
             if _STORAGE.search(name) and (plain := _COMPRESSED.sub("", name)) not in files
         }
+        if not metadata.files and len({_NUMBER.sub("", name) for name in others}) > 1:
+            raise InputError(
+                f"{self.path}: holds {', '.join(path.name for path in others.values())} and no "
+                f"{FILE_NAME} that makes them one recording; name one of them"
+            )
         if others and metadata.files:
             names = ", ".join(path.name for path in others.values())
             self.notes.append(f"{self.path}: {FILE_NAME} does not name {names}; read all the same")

@@ -27,10 +27,10 @@ from mlscli.io.recording import open_recording
         ("sparse/euroc_orb2_KeyFrameTrajectory_tum.txt", "74 beyond 1e8"),
         ("multilevel/unitree_ISR_registration_metrics.json", "JSON"),
         ("hard/pcd_zero_points.pcd", "holds no points"),
-        ("bags/ros1_ouster_in_mcap_zstd.mcap", "profile 'ros1'"),
+        ("bags/ros1_ouster_in_mcap_zstd.mcap", "--frame os1_sensor"),
         ("bags/ros1_no_messages.bag", "no topics"),
-        ("bags/ros1_tilt_laser_tf.bag", "--frame laser"),
-        ("bags", "no metadata.yaml"),
+        ("bags/ros1_jackal_scan_pose.bag", "--pose-topic /vrpn_client_node/jackal/pose"),
+        ("bags", "name one of them"),
     ],
 )
 def test_what_cannot_be_read_is_refused_by_name(shared_data: Path, name: str, words: str) -> None:
@@ -53,9 +53,9 @@ def test_what_cannot_be_read_is_refused_by_name(shared_data: Path, name: str, wo
         (b"# Image list with two lines of data per image:\n", "COLMAP"),
         (b'[{"shots": {}, "points": {}}]', "holds no points"),
         (b"#ROSBAG V1.2\n", "before 2.0"),
-        (b"#ROSBAG V2.0\n", "ROS 1 bag"),
-        (b"\x89MCAP0\r\n", "MCAP"),
-        (b"SQLite format 3\x00" + bytes(100), "ROS 2 bag"),
+        (b"#ROSBAG V2.0\n", "holds no clouds"),
+        (b"\x89MCAP0\r\n", "holds no clouds"),
+        (b"SQLite format 3\x00" + bytes(100), "pages have 0 bytes"),
         (b"\x1f\x8b\x08" + bytes(20), "gzip"),
     ],
 )

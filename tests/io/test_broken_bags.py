@@ -60,11 +60,11 @@ def test_a_cut_bag_is_one_clear_error_or_a_loss(tmp_path: Path, kind: str, share
         assert len(clouds) == 30 or source.losses
 
 
-def test_an_unindexed_bag_is_one_clear_error(shared_data: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"ros1_unindexed.bag: cannot be read as a ROS 1 bag: .*index"
-    ):
-        open_source(shared_data / "hard/ros1_unindexed.bag")
+def test_an_unindexed_bag_is_read_and_said_to_be_cut(shared_data: Path) -> None:
+    source = open_source(shared_data / "hard/ros1_unindexed.bag")
+
+    assert all(len(cloud.points) for cloud in source.clouds())
+    assert any("index" in loss for loss in source.losses)
 
 
 @pytest.mark.parametrize("broken", [b"", b"\x00\x01\x00\x00", None])
@@ -117,10 +117,10 @@ def test_messages_that_the_metadata_declare_and_the_bag_lacks_are_a_loss(
     source = open_source(bag)
 
     assert len(list(source.clouds())) == 1
-    assert ["/cloud: yields 1 of 4 messages" in loss for loss in source.losses] == [True]
+    assert ["lost: 3 messages" in loss for loss in source.losses] == [True]
 
 
-def test_a_damaged_chunk_ends_the_reading_with_a_loss(tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_a_loss(tmp_path: Path) -> None:
     messages = [Sent(some_points(30_000, k), nanoseconds=k + 1) for k in range(4)]
     bag = write_bag(tmp_path / "flight.bag", messages)
     content = bytearray(bag.read_bytes())

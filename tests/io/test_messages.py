@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from mlscli.io.container import Channel, Message
 from mlscli.io.decoding import Deserializer
 from mlscli.io.messages import CLOUD_TYPES, Part
-from mlscli.io.poses import POSE_TYPES, TRANSFORM_TYPES, Poses
+from mlscli.io.poses import POSE_TYPES, TRANSFORM_TYPES, StampedPoses
 
 
 def of_bag(path: Path, type_: str) -> Iterator[Message]:
@@ -56,7 +56,7 @@ def test_a_scan_is_the_same_in_both_versions_of_ros(shared_data: Path) -> None:
 
 
 def test_poses_are_the_same_in_both_versions_of_ros(shared_data: Path) -> None:
-    poses: list[list[Poses]] = [
+    poses: list[list[StampedPoses]] = [
         decoded(of_bag(shared_data / "bags" / name, "geometry_msgs/msg/PoseStamped"))
         for name in ("ros1_jackal_scan_pose.bag", "ros2_jackal_scan_pose")
     ]
@@ -69,7 +69,7 @@ def test_poses_are_the_same_in_both_versions_of_ros(shared_data: Path) -> None:
 
 
 def test_transforms_are_the_same_in_both_versions_of_ros(shared_data: Path) -> None:
-    transforms: list[list[Poses]] = [
+    transforms: list[list[StampedPoses]] = [
         decoded(of_bag(shared_data / "bags" / name, "tf2_msgs/msg/TFMessage"))
         for name in ("ros1_tf_example.bag", "ros2_tf_example")
     ]

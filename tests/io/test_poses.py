@@ -14,7 +14,7 @@ import pytest
 
 from mlscli.io.decoding import Deserializer
 from mlscli.io.messages import MalformedCloudError
-from mlscli.io.poses import POSE_TYPES, TRANSFORM_TYPES, Poses
+from mlscli.io.poses import POSE_TYPES, TRANSFORM_TYPES, StampedPoses
 from tests import foxglove
 from tests.ros import ENCODINGS, header, serialized, vector
 
@@ -25,7 +25,7 @@ HEADER = header(1_700_000_000, 500_000_000, "odom")
 TF_TYPES = ["tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"]
 
 
-def decode(encoding: str, type_: str, content: dict[str, Any]) -> list[Poses]:
+def decode(encoding: str, type_: str, content: dict[str, Any]) -> list[StampedPoses]:
     message = serialized(encoding, type_, content)
     return (POSE_TYPES | TRANSFORM_TYPES)[type_](Deserializer().read(message))
 

@@ -222,7 +222,9 @@ def test_losses_of_all_sources_are_those_of_the_last_pass(tmp_path: Path) -> Non
 
     for _ in range(2):
         assert len(list(recording.keyframes())) == 4
-        assert ["yields 3 of 5 messages" in loss for loss in recording.losses] == [True]
+        assert ["declares 5 messages, the files hold 3" in loss for loss in recording.losses] == [
+            True
+        ]
 
 
 def test_errors_of_reading_are_errors_of_the_program(tmp_path: Path) -> None:

@@ -19,10 +19,12 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io.base import Cloud
+from mlscli.io.base import Cloud, Reading
+from mlscli.io.container import Message
+from mlscli.io.decoding import Deserializer
 from mlscli.io.formats import open_source
-from mlscli.io.rosbag import RosBag
 from mlscli.io.text import TextCloud
+from mlscli.io.topic import TopicSource
 from tests.bags import Sent, write_bag
 
 KINDS = ["ros1", "ros2", "mcap"]
@@ -127,15 +129,13 @@ def test_messages_outside_the_time_are_not_decoded(
     source = open_source(write_bag(tmp_path / "flight.bag", messages))
     stamps = [message.nanoseconds / 10**9 for message in messages]
     decoded: list[object] = []
-    from mlscli.io import rosbag
+    read = Deserializer.read
 
-    decode = rosbag._decode
+    def noting_read(self: Deserializer, message: Message) -> Any:
+        decoded.append(message)
+        return read(self, message)
 
-    def noting_decode(*arguments: Any) -> object:
-        decoded.append(arguments)
-        return decode(*arguments)
-
-    monkeypatch.setattr(rosbag, "_decode", noting_decode)
+    monkeypatch.setattr(Deserializer, "read", noting_read)
 
     asked = itertools.count()
     clouds = list(source.clouds(lambda _: next(asked) == 2))
@@ -157,8 +157,8 @@ def test_with_several_cloud_topics_the_error_lists_them(
         list(open_source(bag).clouds())
     for words in ("/left", "/right", "PointCloud2 x 4"):
         assert words in str(error.value)
-    assert len(list(open_source(bag, topic="/right").clouds())) == 4
-    assert len(list(open_source(bag, topic="right").clouds())) == 4
+    assert len(list(open_source(bag, Reading(topic="/right")).clouds())) == 4
+    assert len(list(open_source(bag, Reading(topic="right")).clouds())) == 4
 
 
 def test_a_topic_that_is_not_there_lists_those_that_are(
@@ -167,7 +167,7 @@ def test_a_topic_that_is_not_there_lists_those_that_are(
     bag = write_bag(tmp_path / "flight.bag", messages)
 
     with pytest.raises(UsageError, match="--topic /cluod: no such topic, found /cloud"):
-        list(open_source(bag, topic="/cluod").clouds())
+        list(open_source(bag, Reading(topic="/cluod")).clouds())
 
 
 @pytest.mark.parametrize("name", ["ros1_tf_example.bag", "ros2_tf_example"])
@@ -185,12 +185,12 @@ def test_a_bag_without_clouds_says_what_it_holds_and_what_can_be_mapped(
         ("/tf_static", 1, False),
     }
     with pytest.raises(UsageError, match="--topic /tf: tf2_msgs/msg/TFMessage cannot be mapped"):
-        list(open_source(shared_data / "bags" / name, topic="/tf").clouds())
+        list(open_source(shared_data / "bags" / name, Reading(topic="/tf")).clouds())
 
 
 def test_a_recorded_bag_is_described_and_read(shared_data: Path) -> None:
     name = "/luminar_pointcloud"
-    source = open_source(shared_data / "bags/ros1_luminar_pc2_lz4.bag", topic=name)
+    source = open_source(shared_data / "bags/ros1_luminar_pc2_lz4.bag", Reading(topic=name))
 
     (topic,) = [topic for topic in source.topics() if topic.name == name]
     clouds = list(source.clouds())
@@ -209,5 +209,5 @@ def test_a_bag_of_early_ros_2_needs_no_definitions(tmp_path: Path, messages: lis
         database.execute("DELETE FROM message_definitions")
     database.close()
 
-    assert isinstance(open_source(storage), RosBag)
+    assert isinstance(open_source(storage), TopicSource)
     assert len(list(open_source(storage).clouds())) == 4

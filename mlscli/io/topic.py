@@ -1,0 +1,263 @@
+"""The clouds of one topic of a container, and what it tells beside them of frames and poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlscli.errors import InputError, UsageError
+from mlscli.io.base import Clock, Cloud, Topic, Wanted, everything
+from mlscli.io.container import Container, Message
+from mlscli.io.decoding import Deserializer, MalformedMessageError
+from mlscli.io.messages import CLOUD_TYPES, MAPPABLE, MalformedCloudError, Part
+from mlscli.io.poses import POSE_TYPES, TRANSFORM_TYPES, StampedPoses
+
+_NANOSECONDS = 10**9
+
+
+class TopicSource:
+    """A topic of a container; its clouds are read anew at each pass and never held together.
+
+    Parameters
+    ----------
+    container : Container
+    topic : str, optional
+        The topic of the clouds; not needed where there is only one.
+    clock : {"header", "log"}
+    """
+
+    def __init__(
+        self, container: Container, topic: str | None = None, clock: Clock = "header"
+    ) -> None:
+        self._container = container
+        self._asked = topic
+        self._clock = clock
+        self._deserializer = Deserializer()
+        self._split: set[str] = set()
+        self._unreadable = ""
+        self._skipped = 0
+        self._topics = self._describe()
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        return self._container.path
+
+    @property
+    def kind(self) -> str:
+        """The name of its format."""
+        return self._container.kind
+
+    @property
+    def label(self) -> str:
+        """The path and the topic."""
+        return f"{self.path}: {self._topic.name}"
+
+    @property
+    def frame_id(self) -> str:
+        """The frame of the first cloud; empty where none is stated."""
+        return self._topic.frame
+
+    @property
+    def expected_keyframes(self) -> int | None:
+        """The messages of the topic; None where they hold several keyframes each."""
+        return None if self._topic.name in self._split else self._topic.count
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know about how it is read."""
+        notes = list(self._container.notes)
+        if self._skipped:
+            notes.append(f"{self.label}: {self._skipped:,} markers of other kinds hold no points")
+        return notes
+
+    @property
+    def losses(self) -> Sequence[str]:
+        """What the last pass could not read."""
+        return [*self._container.losses, *filter(None, [self._unreadable])]
+
+    def topics(self) -> Sequence[Topic]:
+        """Describe all topics, by name."""
+        return self._topics
+
+    def time_span(self) -> tuple[float, float]:
+        """Return when the first and the last message were recorded, in seconds."""
+        span = self._container.time_span
+        if span is None:
+            return math.nan, math.nan
+        return span[0] / _NANOSECONDS, span[1] / _NANOSECONDS
+
+    def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
+        """Read the clouds of the topic in the order of their recording.
+
+        Messages that cannot be read are left out and told in `losses` when the pass ends.
+        """
+        self._unreadable, self._skipped = "", 0
+        came = lost = 0
+        first_fault = ""
+        topic = self._topic
+        for message in self._messages({topic.type: None}, topic.name):
+            came += 1
+            stamp = self._stamp(message)
+            if not math.isnan(stamp) and not wanted(stamp):
+                continue
+            try:
+                parts = self._decode(message)
+            except (MalformedMessageError, MalformedCloudError) as error:
+                lost += 1
+                first_fault = first_fault or f"the first at {stamp:.9f}: {error}"
+                continue
+            for part in parts:
+                self._skipped += part.skipped
+                time = part.stamp if math.isnan(stamp) else stamp
+                if math.isnan(stamp) and not wanted(time):
+                    continue
+                for points in part.split():
+                    yield Cloud(points, time, frame_id=part.frame_id)
+        if lost:
+            self._unreadable = (
+                f"{self.label}: {lost} of {came} messages cannot be read, {first_fault}"
+            )
+
+    def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
+        """Tell where frames are in others, and whether they stay there.
+
+        Messages that cannot be read tell nothing.
+        """
+        for message in self._messages(TRANSFORM_TYPES):
+            stays = message.channel.topic.rpartition("/")[2] == "tf_static"
+            for poses in self._told(message, TRANSFORM_TYPES):
+                yield poses, stays
+
+    def poses(self, topic: str) -> Iterator[StampedPoses]:
+        """Tell the poses of a topic; none where there is no such topic.
+
+        Raises
+        ------
+        UsageError
+            The topic holds no poses.
+        """
+        named = [c for c in self._container.channels if _same(c.topic, topic)]
+        if named and not any(channel.type in POSE_TYPES for channel in named):
+            raise UsageError(
+                f"{self.path}: --pose-topic {topic}: {named[0].type} tells no poses; can be used: "
+                f"{', '.join(POSE_TYPES)}"
+            )
+        for message in self._messages(POSE_TYPES, topic):
+            yield from self._told(message, POSE_TYPES)
+
+    # --- messages ---
+
+    def _messages(self, types: Mapping[str, object], topic: str | None = None) -> Iterator[Message]:
+        """Read the messages of these types, of one topic or of all."""
+        names = {
+            channel.topic
+            for channel in self._container.channels
+            if channel.type in types and (topic is None or _same(channel.topic, topic))
+        }
+        if names:
+            messages = self._container.messages(names)
+            yield from (m for m in messages if m.channel.type in types)
+
+    def _stamp(self, message: Message) -> float:
+        if self._clock == "log":
+            return message.log_time / _NANOSECONDS
+        return self._deserializer.stamp(message)
+
+    def _decode(self, message: Message) -> list[Part]:
+        return CLOUD_TYPES[message.channel.type](self._deserializer.read(message))
+
+    def _told(
+        self, message: Message, types: Mapping[str, Callable[[Any], list[StampedPoses]]]
+    ) -> list[StampedPoses]:
+        try:
+            told = types[message.channel.type](self._deserializer.read(message))
+        except (MalformedMessageError, MalformedCloudError):
+            return []
+        if self._clock == "log":
+            time = message.log_time / _NANOSECONDS
+            told = [poses._replace(stamps=np.full(len(poses.stamps), time)) for poses in told]
+        return told
+
+    # --- topics ---
+
+    @cached_property
+    def _topic(self) -> Topic:
+        """The topic of the clouds: the one asked for, or the only one."""
+        if self._asked is not None:
+            return self._named(self._asked)
+        mappable = [topic for topic in self._topics if topic.mappable]
+        if not mappable:
+            raise InputError(
+                f"{self.path}: holds no clouds, found {_listed(self._topics)}; can be mapped: "
+                f"{MAPPABLE}"
+            )
+        if len(mappable) > 1:
+            raise UsageError(
+                f"{self.path}: holds {len(mappable)} topics with clouds, of which --topic picks "
+                f"one: {_listed(mappable)}"
+            )
+        return mappable[0]
+
+    def _named(self, name: str) -> Topic:
+        named = [topic for topic in self._topics if _same(topic.name, name)]
+        if not named:
+            raise UsageError(
+                f"{self.path}: --topic {name}: no such topic, found {_listed(self._topics)}"
+            )
+        topic = next((topic for topic in named if topic.mappable), named[0])
+        if not topic.mappable:
+            raise UsageError(f"{self.path}: --topic {name}: {topic.why_not}")
+        return topic
+
+    def _describe(self) -> list[Topic]:
+        """Describe all topics; of those with clouds, the first message tells the frame."""
+        counts: dict[tuple[str, str], list[int | None]] = {}
+        faults: dict[tuple[str, str], str] = {}
+        for channel in self._container.channels:
+            key = (channel.topic, channel.type)
+            counts.setdefault(key, []).append(channel.count)
+            if channel.type in CLOUD_TYPES and (fault := self._deserializer.why_not(channel)):
+                faults.setdefault(key, fault)
+        topics = []
+        for (name, type_), parts in sorted(counts.items()):
+            count = None if None in parts else sum(filter(None, parts))
+            why_not, frame = faults.get((name, type_), ""), ""
+            if type_ not in CLOUD_TYPES:
+                why_not = f"{type_} cannot be mapped; can be mapped: {MAPPABLE}"
+            elif not why_not:
+                first = next(self._messages({type_: None}, name), None)
+                if first is None:
+                    why_not = "it holds no messages"
+                else:
+                    frame = self._first_frame(first)
+            poses = type_ in POSE_TYPES
+            topics.append(Topic(name, type_, count, not why_not, why_not, frame, poses))
+        return topics
+
+    def _first_frame(self, first: Message) -> str:
+        try:
+            parts = self._decode(first)
+        except (MalformedMessageError, MalformedCloudError):
+            # What is wrong with the message is told when it is read.
+            return self._deserializer.frame(first)
+        if len(parts) != 1 or parts[0].keyframes is not None:
+            self._split.add(first.channel.topic)
+        return parts[0].frame_id if parts else ""
+
+
+def _same(name: str, other: str) -> bool:
+    return name.strip("/") == other.strip("/")
+
+
+def _listed(topics: Sequence[Topic]) -> str:
+    return ", ".join(f"{t.name} ({t.type}{_times(t.count)})" for t in topics) or "no topics"
+
+
+def _times(count: int | None) -> str:
+    return "" if count is None else f" x {count}"
