@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from mlscli.io.poses import StampedPoses
 
 
+UNKNOWN_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
+
+
 @dataclass(frozen=True, eq=False)
 class Cloud:
     """A keyframe as recorded: nothing turned, nothing dropped.
@@ -31,12 +34,16 @@ class Cloud:
         Where the craft was, in the same frame; NaN where not known.
     frame_id : str
         The frame as the recording states it; empty where it states none.
+    attitude : tuple of float
+        How the craft or its camera was turned, x, y, z, w, from its axes to that frame; NaN where
+        not known.
     """
 
     points: Float64
     stamp: float = math.nan
     position: tuple[float, float, float] = UNKNOWN_POSITION
     frame_id: str = ""
+    attitude: tuple[float, float, float, float] = UNKNOWN_ATTITUDE
 
 
 @dataclass(frozen=True)

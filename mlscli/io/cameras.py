@@ -14,23 +14,29 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlscli.io.base import Cloud
+from mlscli.io.base import UNKNOWN_ATTITUDE, Cloud
 from mlscli.io.pointfile import Content
+from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Float64, Int64
 
 
 class Camera(NamedTuple):
-    """Where and when a photograph was taken; NaN where not known."""
+    """Where and when a photograph was taken, and how the camera was turned; NaN where not known.
 
-    position: tuple[float, float, float]
+    The attitude is a quaternion x, y, z, w from the camera's axes to the world's.
+    """
+
+    position: tuple[float, float, float] = UNKNOWN_POSITION
     stamp: float = math.nan
+    attitude: tuple[float, float, float, float] = UNKNOWN_ATTITUDE
 
-
-def centre(rotation: Rotation, translation: Sequence[float]) -> tuple[float, float, float]:
-    """Return where a camera is whose points are ``rotation * world + translation``: -R^T t."""
-    with np.errstate(all="ignore"):
-        x, y, z = (-rotation.inv().apply(np.asarray(translation, dtype=np.float64))).tolist()
-    return x, y, z
+    @classmethod
+    def of(cls, rotation: Rotation, translation: Sequence[float]) -> Camera:
+        """Return the camera whose points are ``rotation * world + translation``: at -R^T t."""
+        with np.errstate(all="ignore"):
+            x, y, z = (-rotation.inv().apply(np.asarray(translation, dtype=np.float64))).tolist()
+        qx, qy, qz, qw = rotation.inv().as_quat().tolist()
+        return cls((x, y, z), attitude=(qx, qy, qz, qw))
 
 
 def by_camera(
@@ -52,7 +58,10 @@ def by_camera(
     order = np.argsort(first, kind="stable")
     ends = np.searchsorted(first[order], np.arange(-1, len(cameras)), side="right")
     unseen, *seen = np.split(points[order], ends[:-1])
-    clouds = [Cloud(cloud, c.stamp, c.position) for cloud, c in zip(seen, cameras, strict=True)]
+    clouds = [
+        Cloud(cloud, camera.stamp, camera.position, attitude=camera.attitude)
+        for cloud, camera in zip(seen, cameras, strict=True)
+    ]
     notes = []
     if len(unseen):
         clouds.append(Cloud(unseen))

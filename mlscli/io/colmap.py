@@ -18,11 +18,10 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.errors import InputError
 from mlscli.io.base import Cloud
-from mlscli.io.cameras import Camera, by_camera, centre
+from mlscli.io.cameras import Camera, by_camera
 from mlscli.io.columns import short
 from mlscli.io.pointfile import Content, PointFile, shortfall, side_by_side
 from mlscli.io.records import Field, gather, mapped, read_records
-from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Float64, Int64, UInt8
 
 _COUNT = struct.Struct("<Q")
@@ -64,7 +63,7 @@ class ColmapModel(PointFile):
         ranks = {image.id: rank for rank, image in enumerate(images)}
         points, first, losses = (_binary_points if binary else _text_points)(file, ranks)
         return by_camera(
-            self.path, points, first, [Camera(i.position) for i in images], [*lost, *losses]
+            self.path, points, first, [image.camera for image in images], [*lost, *losses]
         )
 
     def _points_file(self) -> Path:
@@ -80,16 +79,16 @@ class _Image(NamedTuple):
 
     name: str
     id: int
-    position: tuple[float, float, float]
+    camera: Camera
 
 
-def _position(pose: Sequence[float]) -> tuple[float, float, float]:
-    """Return where a camera is, from its quaternion, w first, and its translation."""
+def _camera(pose: Sequence[float]) -> Camera:
+    """Return a camera, from its quaternion, w first, and its translation."""
     w, x, y, z, *translation = pose
     # False for NaN, too.
     if not 1e-6 < math.hypot(w, x, y, z) < 1e6:
-        return UNKNOWN_POSITION
-    return centre(Rotation.from_quat([x, y, z, w]), translation)
+        return Camera()
+    return Camera.of(Rotation.from_quat([x, y, z, w]), translation)
 
 
 # --- binary ---
@@ -107,7 +106,7 @@ def _binary_images(file: Path) -> tuple[list[_Image], list[str]]:
         number, *pose, _ = _IMAGE.unpack_from(data.data, at)
         (features,) = _COUNT.unpack_from(data.data, features_at)
         at = features_at + _COUNT.size + features * _FEATURE
-        images.append(_Image(name.decode("utf-8", "replace"), number, _position(pose)))
+        images.append(_Image(name.decode("utf-8", "replace"), number, _camera(pose)))
     lost = len(images) < declared
     return images, [shortfall(file, len(images), declared, what="images")] if lost else []
 
@@ -159,7 +158,7 @@ def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
                 # A name that the file ends in may have lost its end.
                 if len(words) < 10 or not line.endswith("\n"):
                     raise ValueError
-                images.append(_Image(words[9].strip(), int(words[0]), _position(pose)))
+                images.append(_Image(words[9].strip(), int(words[0]), _camera(pose)))
             except ValueError:
                 tally.fault(line)
             else:

@@ -19,9 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.errors import InputError
 from mlscli.io.base import Cloud
-from mlscli.io.cameras import Camera, by_camera, centre
+from mlscli.io.cameras import Camera, by_camera
 from mlscli.io.pointfile import Content, PointFile
-from mlscli.keyframes import UNKNOWN_POSITION
 
 _LEAST_TRACK_COLUMNS = 8
 
@@ -121,14 +120,14 @@ def _camera(shot: Any) -> Camera:
         if len(rotation) != 3 or len(translation) != 3:
             raise ValueError
         with np.errstate(all="ignore"):
-            position = centre(Rotation.from_rotvec(rotation), translation)
+            camera = Camera.of(Rotation.from_rotvec(rotation), translation)
     except (KeyError, TypeError, ValueError, OverflowError):
-        position = UNKNOWN_POSITION
+        camera = Camera()
     try:
         stamp = float(shot["capture_time"])
     except (KeyError, TypeError, ValueError, OverflowError):
         stamp = 0.0
-    return Camera(position, stamp if stamp > 0 and math.isfinite(stamp) else math.nan)
+    return camera._replace(stamp=stamp if stamp > 0 and math.isfinite(stamp) else math.nan)
 
 
 def _time(camera: Camera) -> float:

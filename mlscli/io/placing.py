@@ -129,16 +129,15 @@ class Placing:
         if frame not in self._ways:
             self._ways[frame] = self._way(source, frame)
         way = self._ways[frame]
-        position = cloud.position
-        points = cloud.points
+        points, position, attitude = cloud.points, cloud.position, cloud.attitude
         if way is not None:
             pose = way(cloud.stamp)
             if pose is None:
                 return None
             points = apply(pose, points)
-            position = _position_of(pose)
+            position, attitude = _told(pose)
         known = position if np.isfinite(cloud.position).all() else self._position(cloud.stamp)
-        return Cloud(points, cloud.stamp, known or position, self.frame_id)
+        return Cloud(points, cloud.stamp, known or position, self.frame_id, attitude)
 
     def moves_with_craft(self, frame_id: str) -> bool:
         """Tell whether a frame is a sensor's: there, (0, 0, 0) is where the sensor is itself."""
@@ -376,9 +375,11 @@ def _single(poses: Poses) -> Pose | None:
     return poses.pose(0) if poses.known[0] else None
 
 
-def _position_of(pose: Pose) -> tuple[float, float, float]:
+def _told(pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Return the position and the attitude that a pose tells."""
     x, y, z = pose.translation.tolist()
-    return x, y, z
+    qx, qy, qz, qw = pose.rotation.tolist()
+    return (x, y, z), (qx, qy, qz, qw)
 
 
 def _known(positions: Float64) -> tuple[float, float, float] | None:

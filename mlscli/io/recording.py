@@ -143,6 +143,21 @@ class Recording:
         UsageError
             Times are asked for where there are none.
         """
+        for cloud in self._clouds():
+            yield Keyframe(cloud.points, cloud.stamp, cloud.position)
+
+    def loose_route(self) -> Float64:
+        """Return the rows (K, 4) of a trajectory that no keyframe's time leads to.
+
+        Where the clouds have no time stamps, what a file tells of the route stands by itself.
+        """
+        if self._trajectory is None:
+            return np.empty((0, 4))
+        route = self._trajectory.route
+        return np.column_stack((route[:, 0], self._turn(route[:, 1:]) + 0.0))
+
+    def _clouds(self) -> Iterator[Cloud]:
+        """Read the clouds of the keyframes, in the map frame and turned; not the attitudes."""
         self.tally = tally = Tally()
         filters = self._filters()
         wanted = self._selection.chooser()
@@ -162,19 +177,9 @@ class Recording:
                 if dropped:
                     tally.drop(reason, dropped)
                     points = points[kept]
-            yield Keyframe(points, cloud.stamp, _turned(placed.position, self._turn))
+            yield replace(placed, points=points, position=_turned(placed.position, self._turn))
         if tally.points_read == sum(tally.dropped.values()):
             raise InputError(self._emptiness())
-
-    def loose_route(self) -> Float64:
-        """Return the rows (K, 4) of a trajectory that no keyframe's time leads to.
-
-        Where the clouds have no time stamps, what a file tells of the route stands by itself.
-        """
-        if self._trajectory is None:
-            return np.empty((0, 4))
-        route = self._trajectory.route
-        return np.column_stack((route[:, 0], self._turn(route[:, 1:]) + 0.0))
 
     def _placed(self, source: Source, cloud: Cloud) -> Cloud | None:
         """Return a cloud in the map frame; None where it is not known where it was."""
@@ -327,14 +332,14 @@ def _find_up(recording: Recording, trajectory: Trajectory | None) -> Up:
     from mlscli.surroundings import PointSample
     from mlscli.vertical import find_up
 
-    sample, positions = PointSample(), []
-    for keyframe in recording.keyframes():
-        sample.add(keyframe.points)
-        positions.append(keyframe.position)
-    route, attitudes = np.array(positions).reshape(-1, 3), None
+    sample, positions, turns = PointSample(), [], []
+    for cloud in recording._clouds():
+        sample.add(cloud.points)
+        positions.append(cloud.position)
+        turns.append(cloud.attitude)
     if trajectory is not None:
-        route, attitudes = trajectory.positions, trajectory.attitudes
-    return find_up(sample.points, route, attitudes)
+        return find_up(sample.points, trajectory.positions, trajectory.attitudes)
+    return find_up(sample.points, np.array(positions), np.array(turns))
 
 
 def _as_it_is(points: Float64) -> Float64:
