@@ -63,7 +63,7 @@ def test_the_default_output_is_the_scene_s_name_with_its_truth_beside_it(folder:
     ("output", "kind"),
     [
         ("a.txt", "text cloud"), ("a.csv", "text cloud"), ("a.XYZ", "text cloud"),
-        ("a.bag", "ROS 1 bag"), ("a.mcap", "ROS 2 bag (MCAP)"), ("a", "ROS 2 bag"),
+        ("a.bag", "ROS 1 bag"), ("a.mcap", "MCAP"), ("a", "ROS 2 bag"),
     ],
 )  # fmt: skip
 def test_every_format_gives_the_same_map(output: str, kind: str) -> None:

@@ -280,9 +280,16 @@ def test_metadata_that_cannot_be_read_do_not_keep_the_files_from_it(
 
 def test_files_of_both_kinds_in_a_folder_are_read_in_the_order_of_time(tmp_path: Path) -> None:
     messages = flight()
-    write_early(tmp_path / "a.db3", messages[::2])
-    write_mcap(tmp_path / "b.mcap", messages[1::2])
+    write_early(tmp_path / "a_0.db3", messages[::2])
+    write_mcap(tmp_path / "a_1.mcap", messages[1::2])
     assert content(Ros2Bag(tmp_path)) == messages
+
+
+def test_files_of_several_recordings_are_not_taken_for_one(tmp_path: Path) -> None:
+    write_early(tmp_path / "a_0.db3", flight())
+    write_early(tmp_path / "b_0.db3", flight())
+    with pytest.raises(InputError, match=r"a_0.db3, b_0.db3 .* name one of them"):
+        Ros2Bag(tmp_path)
 
 
 def test_of_equal_times_the_file_with_the_lower_number_comes_first(tmp_path: Path) -> None:

@@ -90,7 +90,7 @@ def test_times_without_time_stamps_are_wrong_usage(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"up": "auto"}, "--up auto: expected one of z, -z, y, -y, x, -x"),
+        ({"up": "w"}, "--up w: expected one of z, -z, y, -y, x, -x, auto"),
         ({"every": 0}, "--every 0"),
         ({"start": 2.0, "end": 1.0}, "--start 2.0 is not before --end 1.0"),
         ({"start": math.nan}, "--start nan"),
