@@ -5,11 +5,14 @@ A packed key holds both indices of a cell in 64 bits, so that keys sort as (ix, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
+from mlscli.patches import runs
 from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt64
 
 LEAST, GREATEST = -(2**31), 2**31 - 1
@@ -70,49 +73,91 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CellSet:
-    """A set of cells.
+    """A set of cells: some that are listed, and all within a reach of them.
+
+    A reach can be as wide as the grid, so that the cells within it are told, not listed.
 
     Attributes
     ----------
     keys : uint64 (C,)
         Packed keys, ascending, each once.
+    reach : int
+        The set holds all cells so far from one of the keys, in x and in y.
     """
 
     keys: UInt64
+    reach: int = 0
 
     @classmethod
     def of(cls, ix: Array, iy: Array) -> CellSet:
         """Return the set of the cells given, which may repeat."""
         return cls(np.unique(pack(ix, iy)))
 
-    @property
-    def size(self) -> int:
-        """How many cells these are."""
-        return len(self.keys)
-
     def widened(self, reach: int) -> CellSet:
         """Return the cells within `reach` of one of these, in x and in y."""
-        ix, iy = (index.astype(np.int64) for index in unpack(self.keys))
-        # One axis after the other: each cell is repeated 2 (2 reach + 1) times, not its square.
-        ix, iy = _spread(ix, iy, reach)
-        iy, ix = _spread(iy, ix, reach)
-        return CellSet.of(ix, iy)
+        return replace(self, reach=self.reach + reach)
 
     def contains(self, ix: Array, iy: Array) -> Bool:
-        """Tell which of the cells given are in the set."""
-        if self.size == 0:
-            return np.zeros(len(ix), dtype=np.bool_)
-        keys = pack(ix, iy)
-        found = np.searchsorted(self.keys, keys)
-        inside: Bool = self.keys[np.minimum(found, self.size - 1)] == keys
+        """Tell which of the cells given are in the set; fastest where they ascend."""
+        column, position = unpack(self.keys)
+        start = runs(column)
+        cells = (np.ascontiguousarray(index, dtype=np.int32) for index in (ix, iy))
+        inside: Bool = _within(column[start[:-1]], start, position, self.reach, *cells)
         return inside
 
+    def squares(self, shift: int) -> CellSet:
+        """Return the squares of ``2**shift`` cells by themselves that hold all of these.
 
-def _spread(along: Int64, across: Int64, reach: int) -> tuple[Int64, Int64]:
-    """Repeat each cell `reach` times to both sides, each result once, staying on the grid."""
-    steps = np.arange(-reach, reach + 1)
-    along = (along[:, None] + steps).ravel()
-    across = np.repeat(across, len(steps))
-    inside = (along >= LEAST) & (along <= GREATEST)
-    cells = unpack(np.unique(pack(along[inside], across[inside])))
-    return cells[0].astype(np.int64), cells[1].astype(np.int64)
+        They are cells of a coarser grid: those with the indices ``ix >> shift``, ``iy >> shift``.
+        """
+        ix, iy = unpack(self.keys)
+        return replace(CellSet.of(ix >> shift, iy >> shift), reach=-(-self.reach >> shift))
+
+    def among(self, keys: Collection[int]) -> Iterator[int]:
+        """Yield those of the packed keys given that are in the set, with the lesser effort."""
+        if len(self.keys) * (2 * self.reach + 1) ** 2 > len(keys):
+            there = np.sort(np.fromiter(keys, dtype=np.uint64, count=len(keys)))
+            yield from there[self.contains(*unpack(there))].tolist()
+        else:
+            yield from (key for key in self.listed().tolist() if key in keys)
+
+    def listed(self) -> UInt64:
+        """Return the packed keys of all cells, ascending; there may be far too many."""
+        ix, iy = (index.astype(np.int64) for index in unpack(self.keys))
+        steps = np.arange(-self.reach, self.reach + 1)
+        x = (ix[:, None, None] + steps[:, None]).repeat(len(steps), axis=2).ravel()
+        y = (iy[:, None, None] + steps).repeat(len(steps), axis=1).ravel()
+        inside = (np.minimum(x, y) >= LEAST) & (np.maximum(x, y) <= GREATEST)
+        return np.unique(pack(x[inside], y[inside]))
+
+
+@njit(cache=True, nogil=True)
+def _within(column: Int32, start: Int64, position: Int32, reach: int, ix: Int32, iy: Int32) -> Bool:
+    """Tell which cells are within `reach` of one of a set.
+
+    The set has the cells ``(column[c], position[i])``, i from ``start[c]`` to ``start[c + 1]``.
+    Where the cells asked for ascend, the places in its columns only move on.
+    """
+    inside = np.zeros(len(ix), dtype=np.bool_)
+    at = start.copy()
+    first = last = 0
+    for i in range(len(ix)):
+        x, y = np.int64(ix[i]), np.int64(iy[i])
+        if i > 0 and ix[i] == ix[i - 1] and iy[i] == iy[i - 1]:
+            inside[i] = inside[i - 1]
+            continue
+        if i > 0 and ix[i] < ix[i - 1]:
+            first = last = 0
+        if i == 0 or ix[i] != ix[i - 1] or iy[i] < iy[i - 1]:
+            while first < len(column) and column[first] < x - reach:
+                first += 1
+            while last < len(column) and column[last] <= x + reach:
+                last += 1
+            at[first:last] = start[first:last]
+        for c in range(first, last):
+            while at[c] < start[c + 1] and position[at[c]] < y - reach:
+                at[c] += 1
+            if at[c] < start[c + 1] and position[at[c]] <= y + reach:
+                inside[i] = True
+                break
+    return inside

@@ -1,0 +1,136 @@
+"""The stages of a configuration in their order: the map as a function of the points.
+
+Where the function is evaluated is the choice of others: everywhere at once (`in_one_pass`), or
+where a batch can change something (`growing`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import takewhile
+
+from mlscli.config import Parameters
+from mlscli.errors import UsageError
+from mlscli.keyframes import Points
+from mlscli.parameters import in_units
+from mlscli.pipeline.change import points_in
+from mlscli.pipeline.grouping import group
+from mlscli.pipeline.report import Report
+from mlscli.pipeline.stage import MapStage, PointStage
+from mlscli.surface_map import SurfaceMap
+
+# What is being done, how much of it is done, and how much there is (None: not known).
+Progress = Callable[[str, int, int | None], None]
+
+
+class Pipeline:
+    """What turns points into a map, and keeps account of it.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        With a number for `cell_size`.
+    frame_id : str
+    report : Report
+        Is told what is dropped, and where the time goes.
+
+    Attributes
+    ----------
+    point_stages : list of PointStage
+    map_stages : list of MapStage
+        Those after which the map can still grow.
+    final_stages : list of MapStage
+        The first without a bound to its reach, and those after it: they need the whole map.
+    empty : SurfaceMap
+        A map without patches.
+
+    Raises
+    ------
+    UsageError
+        Where `cell_size` is ``auto``.
+    """
+
+    def __init__(self, parameters: Parameters, frame_id: str, report: Report) -> None:
+        cell_size = parameters.map.cell_size
+        if isinstance(cell_size, str):
+            raise UsageError(
+                "map.cell_size: a growing map needs a number, not auto; "
+                "see Parameters.with_cell_size"
+            )
+        lengths = (parameters.map.gap_size, parameters.map.thickness)
+        empty = SurfaceMap.empty(cell_size, *(in_units(length, cell_size) for length in lengths))
+        self.empty = replace(empty, frame_id=frame_id)
+        self.cell_size = cell_size
+        self.report = report
+        stages = parameters.pipeline
+        self.point_stages = [stage for stage in stages if isinstance(stage, PointStage)]
+        map_stages = [stage for stage in stages if isinstance(stage, MapStage)]
+        bounded = takewhile(lambda stage: stage.reach(cell_size) is not None, map_stages)
+        self.map_stages = list(bounded)
+        self.final_stages = map_stages[len(self.map_stages) :]
+
+    def in_one_pass(self, points: Points, progress: Progress | None = None) -> SurfaceMap:
+        """Return the map of all points, but for the final stages."""
+        surface = self.measured(points, progress)
+        for stage in self.map_stages:
+            surface = self.counted(stage, surface, progress)
+        return surface
+
+    def finished(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
+        """Return the map after the final stages."""
+        for stage in self.final_stages:
+            surface = self.counted(stage, surface, progress)
+        return surface
+
+    def measured(self, points: Points, progress: Progress | None = None) -> SurfaceMap:
+        """Return the measured patches of points, filtered by all point stages."""
+        for stage in self.point_stages:
+            kept = self.filtered(stage, points, progress)
+            self.report.drop(stage.name, points.size - kept.size)
+            points = kept
+        return self.grouped(points)
+
+    def counted(
+        self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None
+    ) -> SurfaceMap:
+        """Return what a stage makes of a map, the points it drops counted."""
+        after = self.transformed(stage, surface, progress)
+        self.report.drop(stage.name, points_in(surface) - points_in(after))
+        return after
+
+    # --- the steps, timed; what they drop is counted by those who know where they are taken ---
+
+    def filtered(
+        self, stage: PointStage, points: Points, progress: Progress | None = None
+    ) -> Points:
+        """Return what a stage makes of points."""
+        tell = _teller(stage.name, points.size, progress)
+        with self.report.timed(stage.name):
+            return stage.apply(points, self.cell_size, tell)
+
+    def grouped(self, points: Points) -> SurfaceMap:
+        """Return the measured patches of filtered points."""
+        empty = self.empty
+        with self.report.timed("grouping"):
+            measured = group(points, empty.cell_size, empty.gap_size, empty.thickness)
+        return replace(measured, frame_id=empty.frame_id)
+
+    def transformed(
+        self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None
+    ) -> SurfaceMap:
+        """Return what a stage makes of a map."""
+        tell = _teller(stage.name, surface.size, progress)
+        with self.report.timed(stage.name):
+            after = stage.apply(surface)
+        if tell is not None:
+            tell(surface.size)
+        return after
+
+
+def _teller(what: str, total: int, progress: Progress | None) -> Callable[[int], None] | None:
+    """Return what tells of the progress in one step."""
+    if progress is None:
+        return None
+    progress(what, 0, total)
+    return lambda done: progress(what, done, total)

@@ -1,0 +1,45 @@
+"""The account of a build: what became of the points, and where the time went."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Report:
+    """What became of the points, and where the time went.
+
+    Attributes
+    ----------
+    points_read : int
+        Points of the keyframes taken, before anything was dropped.
+    dropped : dict
+        How many of them were dropped, by reason.
+    batches : int
+    seconds : dict
+        Wall time by what was done.
+    """
+
+    points_read: int = 0
+    dropped: Counter[str] = field(default_factory=Counter)
+    batches: int = 0
+    seconds: Counter[str] = field(default_factory=Counter)
+
+    def drop(self, reason: str, points: int) -> None:
+        """Count points dropped under a reason; below 0: some that come back as the map grows."""
+        self.dropped[reason] += points
+        if not self.dropped[reason]:
+            del self.dropped[reason]
+
+    @contextmanager
+    def timed(self, what: str) -> Iterator[None]:
+        """Add the time that a block takes to what it is spent on."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[what] += time.perf_counter() - begin  # type: ignore[assignment]
