@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from mlscli.commands.reading import reading
 
 if TYPE_CHECKING:
     from mlscli.pipeline.builder import Build
+    from mlscli.pipeline.change import Change
 
 PARTLY_READ = 3
 
@@ -28,6 +30,12 @@ PARTLY_READ = 3
     metavar="MAP",
     help="The map's file; by default the first source's name with .npz, in the current folder.",
 )
+@click.option(
+    "--growing",
+    is_flag=True,
+    help="Bring the map up to date after every batch, as on board, and say how long the slowest "
+    "took. The map is the same. The sequential mode always does.",
+)
 @configured
 @reading
 @overwrite
@@ -35,6 +43,7 @@ PARTLY_READ = 3
 def command(
     sources: tuple[str, ...],
     output: str | None,
+    growing: bool,
     config: str | None,
     settings: tuple[str, ...],
     overwrite: bool,
@@ -63,7 +72,7 @@ def command(
     from mlscli.pipeline.builder import build
 
     with ProgressBar() as progress:
-        built = build(recording, parameters, progress)
+        built = build(recording, parameters, progress, _nobody if growing else None)
     write_map(target, built.surface, overwrite=overwrite)
     for loss in recording.losses:
         say(f"mls: warning: {loss}")
@@ -80,6 +89,10 @@ def default_output(source: str) -> str:
     return f"{path.name if path.is_dir() else path.stem}.npz"
 
 
+def _nobody(change: Change) -> None:
+    """Follow a map without looking: it is up to date after every batch all the same."""
+
+
 def _account(target: str, built: Build, losses: list[str], seconds: float) -> dict[str, Any]:
     from mlscli.summary import describe
 
@@ -92,9 +105,30 @@ def _account(target: str, built: Build, losses: list[str], seconds: float) -> di
         "batches": meta["batches"],
         "mode": meta["parameters"]["mode"],
         "lost": losses,
+        "pace": _pace(built),
         "seconds": {"total": seconds, **built.report.seconds},
         "points_per_second": meta["points"]["read"] / seconds,
     }
+
+
+def _pace(built: Build) -> dict[str, float | None] | None:
+    """Return how long (s) the slowest batch took, and the flight for a batch on the average."""
+    if built.report.slowest_batch is None:
+        return None
+    known = [stamp for stamp in built.surface.route[:, 0].tolist() if math.isfinite(stamp)]
+    flight = max(known) - min(known) if known else 0.0
+    return {
+        "slowest_batch": built.report.slowest_batch,
+        "flight_per_batch": flight / built.report.batches if flight > 0 else None,
+    }
+
+
+def _pace_row(pace: dict[str, float | None] | None) -> str:
+    if pace is None:
+        return ""
+    slowest, flight = pace["slowest_batch"], pace["flight_per_batch"]
+    own = "the flight has no times" if flight is None else f"the flight took {flight:.3g} s a batch"
+    return f"slowest batch {slowest:.3g} s; {own}"
 
 
 def _text(account: dict[str, Any]) -> str:
@@ -112,6 +146,7 @@ def _text(account: dict[str, Any]) -> str:
         *report.map_rows(account),
         ("time", f"{total:.2f} s, {account['points_per_second']:,.0f} points/s"),
         ("", ", ".join(f"{what} {spent:.3f}" for what, spent in longest_first)),
+        ("pace", _pace_row(account["pace"])),
         ("lost", "; ".join(account["lost"])),
     ]
     return f"{account['map']}\n{report.lines(rows)}"

@@ -7,6 +7,7 @@ batches.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -166,12 +167,21 @@ class MapBuilder:
     def _grow(self) -> Change:
         """Bring the map up to date with the batches that it has not seen."""
         if self._growing is None:
-            growing = SequentialMap if self.parameters.mode == "sequential" else ConsistentMap
-            self._growing = growing(self._pipeline)
+            self._growing = self._seed()
+        begin = time.perf_counter()
         change = self._growing.grow(self._unseen())
+        slowest = self.report.slowest_batch or 0.0
+        self.report.slowest_batch = max(slowest, time.perf_counter() - begin)
         if self._follow is not None:
             self._follow(change)
         return change
+
+    def _seed(self) -> GrowingMap:
+        """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
+        kind = SequentialMap if self.parameters.mode == "sequential" else ConsistentMap
+        trial = Pipeline(self.parameters, self._pipeline.empty.frame_id, Report())
+        kind(trial).grow(gather([Keyframe(np.zeros((1, 3)))]).points)
+        return kind(self._pipeline)
 
     def _up_to_date(self) -> SurfaceMap:
         if self._batches or self._growing is None:
@@ -204,7 +214,10 @@ class MapBuilder:
 
 
 def build(
-    recording: Recording, parameters: Parameters | None = None, progress: Progress | None = None
+    recording: Recording,
+    parameters: Parameters | None = None,
+    progress: Progress | None = None,
+    follow: Follower | None = None,
 ) -> Build:
     """Build the map of a recording.
 
@@ -216,6 +229,8 @@ def build(
         The defaults where none are given.
     progress : callable, optional
         Called with what is being done, how much is done, and how much there is, or None.
+    follow : callable, optional
+        Called after every batch with the `Change` that it made, as for `MapBuilder`.
 
     Returns
     -------
@@ -246,6 +261,7 @@ def build(
         sources=recording.sources,
         reading=recording.options,
         progress=progress,
+        follow=follow,
     )
     for keyframe in keyframes:
         builder.add(keyframe)
@@ -268,10 +284,13 @@ def _emptied(report: Report) -> str:
 
 
 def build_map(
-    recording: Recording, parameters: Parameters | None = None, progress: Progress | None = None
+    recording: Recording,
+    parameters: Parameters | None = None,
+    progress: Progress | None = None,
+    follow: Follower | None = None,
 ) -> SurfaceMap:
     """Build the map of a recording; as `build`, without the account."""
-    return build(recording, parameters, progress).surface
+    return build(recording, parameters, progress, follow).surface
 
 
 def _read(recording: Recording, report: Report, progress: Progress | None) -> Iterator[Keyframe]:

@@ -22,12 +22,15 @@ class Report:
     batches : int
     seconds : dict
         Wall time by what was done.
+    slowest_batch : float or None
+        Wall time (s) of the batch that took longest; None where the map did not grow by batches.
     """
 
     points_read: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     batches: int = 0
     seconds: Counter[str] = field(default_factory=Counter)
+    slowest_batch: float | None = None
 
     def drop(self, reason: str, points: int) -> None:
         """Count points dropped under a reason; below 0: some that come back as the map grows."""

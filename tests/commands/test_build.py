@@ -118,6 +118,31 @@ def test_a_bag_that_lacks_messages_is_mapped_with_status_3(folder: Path) -> None
     assert read_map(folder / "flight.npz").size > 0
 
 
+def test_a_map_that_grows_is_the_same_and_tells_its_pace(folder: Path) -> None:
+    rows = [f"{x} {y} {z} {int(x > 1)} {100 + 10 * (x > 1)}" for x, y, z in FLAT]
+    (folder / "timed.txt").write_text("\n".join(rows))
+    build = ("build", "timed.txt", "--columns", "x,y,z,keyframe,t", "--json")
+    accounts = {}
+    for name, options in {
+        "at once": (),
+        "growing": ("--growing",),
+        "sequential": ("--set", "mode=sequential"),
+    }.items():
+        done = mls(*build, "-o", f"{name}.npz", *options, cwd=folder)
+        assert done.returncode == 0, done.stderr
+        accounts[name] = json.loads(done.stdout)
+    assert read_map(folder / "growing.npz") == read_map(folder / "at once.npz")
+    assert accounts["growing"]["points"] == accounts["at once"]["points"]
+    assert accounts["at once"]["pace"] is None
+    for name in ("growing", "sequential"):
+        pace = accounts[name]["pace"]
+        # Two batches in ten seconds.
+        assert pace["flight_per_batch"] == 5.0
+        assert 0 < pace["slowest_batch"] < accounts[name]["seconds"]["total"]
+    told = mls("build", "flight.txt", "--growing", cwd=folder).stdout
+    assert "the flight has no times" in told
+
+
 BAD_INPUT = {
     "no such file": (["nosuch.bag"], 1, "nosuch.bag: "),
     "a folder without a bag": (["empty"], 1, "metadata.yaml"),
