@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+import mlscli
 from tests.bags import Sent, write_bag
 from tests.program import mls
 
@@ -22,6 +23,21 @@ def test_the_summary_shown_is_the_summary_printed(tmp_path: Path) -> None:
     assert len(shown.splitlines()) == 5
     for line in shown.splitlines():
         assert line.strip() in done.stdout
+
+
+def test_the_comparisons_shown_are_those_printed(tmp_path: Path) -> None:
+    recording = mlscli.open_recording(ROOT / "data/samples/bridge.txt")
+    for prefix, mode in (("", "consistent"), ("s", "sequential")):
+        for size in (80, 300):
+            sets = [f"mode={mode}", f"batch.min_points={size}"]
+            surface = mlscli.build_map(recording, mlscli.load_parameters(None, sets))
+            mlscli.write_map(tmp_path / f"{prefix}{size}.npz", surface)
+        compared = (f"{prefix}80.npz", f"{prefix}300.npz")
+        shown = README.partition(f"$ mls compare {' '.join(compared)}\n")[2].partition("  ...")[0]
+        printed = mls("compare", *compared, cwd=tmp_path).stdout
+        assert len(shown.splitlines()) > 2
+        for line in shown.splitlines():
+            assert line.strip() in printed
 
 
 def test_the_python_shown_runs(tmp_path: Path) -> None:
