@@ -66,7 +66,8 @@ def command(
     target = output or default_output(sources[0])
     refuse_existing(target, overwrite=overwrite, sources=sources)
     recording = open_recording(*sources, **selection)
-    for note in recording.notes:
+    notes = recording.notes
+    for note in notes:
         say(f"mls: {note}")
 
     from mlscli.pipeline.builder import build
@@ -74,6 +75,9 @@ def command(
     with ProgressBar() as progress:
         built = build(recording, parameters, progress, _nobody if growing else None)
     write_map(target, built.surface, overwrite=overwrite)
+    for note in recording.notes:
+        if note not in notes:
+            say(f"mls: {note}")
     for loss in recording.losses:
         say(f"mls: warning: {loss}")
     seconds = time.perf_counter() - begin

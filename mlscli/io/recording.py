@@ -134,7 +134,8 @@ class Recording:
         Yields
         ------
         Keyframe
-            One without points too, where all were dropped.
+            One without points too, where all were dropped; at the end the poses of a trajectory,
+            where the clouds have no times that lead to them.
 
         Raises
         ------
@@ -143,18 +144,18 @@ class Recording:
         UsageError
             Times are asked for where there are none.
         """
+        known = False
         for cloud in self._clouds():
+            known |= bool(np.isfinite(cloud.position).all())
             yield Keyframe(cloud.points, cloud.stamp, cloud.position)
+        if self._trajectory is not None and not known:
+            yield from self._loose_route(self._trajectory)
 
-    def loose_route(self) -> Float64:
-        """Return the rows (K, 4) of a trajectory that no keyframe's time leads to.
-
-        Where the clouds have no time stamps, what a file tells of the route stands by itself.
-        """
-        if self._trajectory is None:
-            return np.empty((0, 4))
-        route = self._trajectory.route
-        return np.column_stack((route[:, 0], self._turn(route[:, 1:]) + 0.0))
+    def _loose_route(self, trajectory: Trajectory) -> Iterator[Keyframe]:
+        """Yield a trajectory that no cloud's time leads to, as keyframes without points."""
+        for stamp, *position in trajectory.route.tolist():
+            x, y, z = position
+            yield Keyframe(np.empty((0, 3)), stamp, _turned((x, y, z), self._turn))
 
     def _clouds(self) -> Iterator[Cloud]:
         """Read the clouds of the keyframes, in the map frame and turned; not the attitudes."""

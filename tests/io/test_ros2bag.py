@@ -22,6 +22,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from mlscli.errors import InputError
 from mlscli.io.containers import open_container
 from mlscli.io.ros2bag import Ros2Bag
 from mlscli.io.sqlitefile import SqliteFile
