@@ -174,7 +174,10 @@ def _head(path: Path) -> bytes:
         if path.is_dir():
             return b""
         if not path.exists():
-            raise InputError(f"{path}: there is no such file or folder")
+            missing = f"{path}: there is no such file or folder"
+            if str(path) == "-":
+                missing += "; standard input is not read, save it to a file and name that"
+            raise InputError(missing)
         if not path.is_file():
             raise InputError(f"{path}: is neither a file nor a folder")
         with path.open("rb") as file:

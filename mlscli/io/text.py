@@ -5,6 +5,9 @@ tabs, commas and semicolons separate, also mixed; of these a comma or semicolon 
 before it holds the place of a missing value, and separators at the end of a line mean nothing.
 ``#`` begins a comment; so does ``//`` at the start of a line. A file is cleaned into plain
 columns a block at a time and parsed by numpy; only where that fails are its lines examined.
+
+The keyframe of a point is the value in that column, in the order in which they first appear; or
+its time, where points share theirs as those of one message do; or else a blank line ends one.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from mlscli.errors import InputError
 from mlscli.io import columns as lines
 from mlscli.io.base import Cloud, rows_by_first_appearance
 from mlscli.io.pointfile import Content, PointFile
+from mlscli.io.trajectory import is_trajectory
 from mlscli.typing import Array, Bool, Float64
 
 
@@ -116,7 +120,19 @@ class _Parser:
         labels: Array = np.cumsum(np.concatenate(starts))
         if "keyframe" in names:
             labels = values[:, names.index("keyframe")]
+        elif "t" in names:
+            labels = self._by_time(values[:, names.index("t")], labels)
         return _Table(values, names, labels, self.notes)
+
+    def _by_time(self, times: Float64, labels: Array) -> Array:
+        """Let points of one time be a keyframe, unless most have a time of their own."""
+        if 2 * len(np.unique(times)) <= len(times):
+            return times
+        self.notes.append(
+            f"{self.path}: most points have a time of their own, which tells no keyframes apart; "
+            "blank lines and a column named keyframe do"
+        )
+        return labels
 
     def _begin(self, text: str, first_line: int) -> tuple[bool, str]:
         """Settle the columns by the header or the first point, if there is one.
@@ -142,9 +158,18 @@ class _Parser:
                     "commas; expected decimal points"
                 )
             if self.layout is None:
+                self._refuse_trajectory(rows[number:])
                 self.layout = self._by_position(len(words))
             return True, "\n".join(rows)
         return False, "\n".join(rows)
+
+    def _refuse_trajectory(self, rows: list[str]) -> None:
+        if is_trajectory(words for row in rows if (words := lines.fields(row))):
+            raise InputError(
+                f"{self.path}: holds no cloud but a trajectory (stamp x y z qx qy qz qw): name the "
+                "cloud, and this file after --route; --columns x,y,z takes it for points all the "
+                "same"
+            )
 
     def _by_name(self, header: str) -> dict[str, int]:
         """Return the columns that a header names."""

@@ -7,8 +7,10 @@ and commented like a text cloud. Time stamps are seconds; where they reach 1e11 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,9 @@ from mlscli.typing import Float64
 _COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 _NANOSECONDS = 1e11
 _LARGEST_FILE = 1 << 30
+# What is mistaken for a cloud is told by so many lines, and quaternions of length 1 but for this.
+_FIRST_ROWS = 20
+_ROUNDED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +96,22 @@ def read_trajectory(path: Path) -> Trajectory:
         number, fault = lines.first_fault(text, layout)
         raise InputError(f"{path}:{number + 1}: {fault}")
     return _trajectory(path, rows)
+
+
+def is_trajectory(rows: Iterable[Sequence[str]]) -> bool:
+    """Tell whether the first rows of a text are lines of a trajectory with attitudes.
+
+    They are eight numbers, of which the first grows and the last four are a quaternion.
+    """
+    some = list(islice(rows, _FIRST_ROWS))
+    if not some or any(len(row) != len(_COLUMNS) for row in some):
+        return False
+    try:
+        values = np.array(some, dtype=np.float64)
+    except ValueError:
+        return False
+    lengths = np.sqrt(np.square(values[:, 4:]).sum(axis=1))
+    return bool((np.diff(values[:, 0]) > 0).all() and (np.abs(lengths - 1) < _ROUNDED).all())
 
 
 def _trajectory(path: Path, rows: Float64) -> Trajectory:

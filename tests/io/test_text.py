@@ -19,6 +19,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mlscli.errors import InputError
 from mlscli.io import columns as columns_module
 from mlscli.io.base import Cloud
 from mlscli.io.text import TextCloud
@@ -217,6 +218,40 @@ def test_the_first_row_says_when_and_where_a_keyframe_was_seen(tmp_path: Path) -
         (11.0, (4, 5, 6)),
     ]
     assert TextCloud(tmp_path / "cloud.txt", "x,y,z,-,t").time_span() == (10.5, 99.0)
+
+
+def test_points_of_one_time_are_a_keyframe_where_no_column_tells(tmp_path: Path) -> None:
+    content = "x,y,z,t\n1,0,0,7.5\n2,0,0,8\n\n3,0,0,7.5\n4,0,0,8\n"
+    clouds = read(tmp_path, content)
+
+    assert [cloud.stamp for cloud in clouds] == [7.5, 8.0]
+    assert [cloud.points[:, 0].tolist() for cloud in clouds] == [[1, 3], [2, 4]]
+
+
+def test_times_that_each_point_has_for_itself_tell_no_keyframes(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.txt"
+    path.write_text("1 0 0 7.1\n2 0 0 7.2\n\n3 0 0 7.3\n")
+    cloud = TextCloud(path, "x,y,z,t")
+
+    assert [len(each.points) for each in cloud.clouds()] == [2, 1]
+    assert ["a time of their own" in note for note in cloud.notes] == [True]
+
+
+def test_a_trajectory_given_for_a_cloud_is_refused_unless_columns_say_otherwise(
+    tmp_path: Path, shared_data: Path
+) -> None:
+    for name, poses in (
+        ("euroc_orb2_KeyFrameTrajectory_tum.txt", 74),
+        ("euroc_orb3_KeyFrameTrajectory.txt", 310),
+    ):
+        path = shared_data / "sparse" / name
+        with pytest.raises(InputError, match="--route"):
+            list(TextCloud(path).clouds())
+        (cloud,) = TextCloud(path, "-,x,y,z").clouds()
+        assert len(cloud.points) == poses
+    # Eight columns that do not end in quaternions, or do not begin with times.
+    for row in ("1 0 0 0 0 0 0 2\n", "1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n"):
+        assert len(read(tmp_path, row)) == 1
 
 
 def test_without_such_columns_time_and_place_are_not_known(tmp_path: Path) -> None:
