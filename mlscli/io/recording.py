@@ -13,6 +13,7 @@ import numpy as np
 from mlscli.errors import InputError, UsageError
 from mlscli.io.base import Clock, Cloud, Reading, Source
 from mlscli.io.formats import open_source
+from mlscli.io.glance import Glance
 from mlscli.io.placing import Asked, Mounting, Placing
 from mlscli.io.selection import Selection
 from mlscli.io.trajectory import Trajectory, read_trajectory
@@ -20,7 +21,7 @@ from mlscli.keyframes import FARTHEST, UNKNOWN_POSITION, Keyframe
 from mlscli.poses import turn
 from mlscli.transforms import bare
 from mlscli.typing import Bool, Float64
-from mlscli.up import UP_AXES
+from mlscli.up import UP_AXES, describe
 
 if TYPE_CHECKING:
     from mlscli.up import Up
@@ -33,6 +34,10 @@ AUTO = "auto"
 
 NO_RETURN, UNPLACED = "no return", "no transform at their time"
 """Why points are dropped: a sensor without an echo says (0, 0, 0), which is where it is itself."""
+
+_TIMELESS = (
+    "the time in the headers of all clouds is 0; --time-source log takes the times of recording"
+)
 
 
 @dataclass
@@ -49,12 +54,18 @@ class Tally:
         Keyframes selected.
     unplaced : int
         How many of them are left out, as it is not known where they were.
+    came : int
+        Keyframes, selected or not.
+    timed : bool
+        Whether one of these had a time other than 0.
     """
 
     points_read: int = 0
     dropped: dict[str, int] = field(default_factory=dict)
     keyframes: int = 0
     unplaced: int = 0
+    came: int = 0
+    timed: bool = False
 
     def drop(self, reason: str, points: int) -> None:
         """Count dropped points under a reason."""
@@ -76,6 +87,8 @@ class Recording:
         The options given that differ from their defaults, as JSON can hold them.
     tally : Tally
         Counts of the current or last pass.
+    up : str
+        Which way of the recording points up: an axis, or the direction that was found.
     """
 
     _sources: Sequence[Source]
@@ -87,6 +100,8 @@ class Recording:
     _notes: Sequence[str] = ()
     options: dict[str, Any] = field(default_factory=dict)
     tally: Tally = field(default_factory=Tally)
+    up: str = "z"
+    _glance: Glance | None = None
 
     @property
     def frame_id(self) -> str:
@@ -99,6 +114,11 @@ class Recording:
         return [str(source.path) for source in self._sources]
 
     @property
+    def labels(self) -> list[str]:
+        """What messages to the user call the clouds: files, and topics where there are some."""
+        return [source.label for source in self._sources]
+
+    @property
     def notes(self) -> list[str]:
         """What the user should know about how the sources are read; some a pass only tells."""
         notes = [note for source in self._sources for note in source.notes]
@@ -108,6 +128,8 @@ class Recording:
                 f"{self.tally.unplaced:,} of {self.tally.keyframes:,} keyframes are left out: "
                 "where they were is not known at their times"
             )
+        if self._is_timeless:
+            notes.append(_TIMELESS)
         return notes
 
     @property
@@ -127,6 +149,12 @@ class Recording:
                 return None
             total += expected
         return -(-total // self._selection.every)
+
+    @property
+    def duration(self) -> float:
+        """How many seconds of the sources are selected; NaN where their times are not known."""
+        spans = np.array([source.time_span() for source in self._sources])
+        return self._selection.duration(float(spans[:, 0].min()), float(spans[:, 1].max()))
 
     def keyframes(self) -> Iterator[Keyframe]:
         """Read the keyframes from the first to the last; each call begins anew.
@@ -161,7 +189,13 @@ class Recording:
         """Read the clouds of the keyframes, in the map frame and turned; not the attitudes."""
         self.tally = tally = Tally()
         filters = self._filters()
-        wanted = self._selection.chooser()
+        choose = self._selection.chooser()
+
+        def wanted(stamp: float) -> bool:
+            tally.came += 1
+            tally.timed |= stamp != 0
+            return choose(stamp)
+
         clouds = ((source, cloud) for source in self._sources for cloud in source.clouds(wanted))
         for number, (source, cloud) in enumerate(clouds):
             if number % self._selection.every:
@@ -179,7 +213,8 @@ class Recording:
                     tally.drop(reason, dropped)
                     points = points[kept]
             yield replace(placed, points=points, position=_turned(placed.position, self._turn))
-        if tally.points_read == sum(tally.dropped.values()):
+        is_part = self._glance is not None and self._glance.cut
+        if tally.points_read == sum(tally.dropped.values()) and not is_part:
             raise InputError(self._emptiness())
 
     def _placed(self, source: Source, cloud: Cloud) -> Cloud | None:
@@ -214,10 +249,19 @@ class Recording:
             filters.append(("repeated", SeenPoints().add))
         return filters
 
+    @property
+    def _is_timeless(self) -> bool:
+        """Whether all headers said the time 0, and of more than one."""
+        by_header = "time_source" not in self.options
+        has_headers = by_header and any(source.topics() for source in self._sources)
+        return has_headers and self.tally.came > 1 and not self.tally.timed
+
     def _emptiness(self) -> str:
         """Say why a pass has yielded no points."""
         tally, sources = self.tally, ", ".join(self.sources)
         losses = "".join(f"; {loss}" for loss in self.losses)
+        if self._is_timeless and (tally.unplaced or not tally.keyframes):
+            losses = f"; {_TIMELESS}{losses}"
         if not tally.keyframes:
             where = " between --start and --end" if self._selection.by_time else ""
             return f"{sources}: holds no keyframes{where}{losses}"
@@ -241,6 +285,7 @@ def open_recording(
     extrinsic: Sequence[float] | None = None,
     time_source: Clock = "header",
     route: str | os.PathLike[str] | None = None,
+    glance: Glance | None = None,
 ) -> Recording:
     """Open one or more sources as one recording.
 
@@ -272,6 +317,8 @@ def open_recording(
         Whose times count: those in the messages, or those of their recording.
     route : path, optional
         A trajectory that tells where the craft was: lines of ``stamp x y z qx qy qz qw``.
+    glance : Glance, optional
+        How much to read, where the beginning of the recording is enough.
 
     Raises
     ------
@@ -291,6 +338,8 @@ def open_recording(
     if not sources:
         raise UsageError("no source given: expected at least one recording")
     opened = [open_source(Path(source), Reading(topic, columns, time_source)) for source in sources]
+    if glance is not None:
+        opened = [glance.of(source) for source in opened]
     has_topics = [bool(source.topics()) for source in opened]
     is_text = [source.kind == "text cloud" for source in opened]
     _check_applies("--topic", topic, has_topics, "a bag")
@@ -319,9 +368,11 @@ def open_recording(
     recording = Recording(
         opened, selection, placing, _as_it_is, cumulative, trajectory, notes, options
     )
+    recording.up, recording._glance = up, glance
     if up == AUTO:
         found = _find_up(recording, trajectory)
         recording._turn = lambda points: turn(found.matrix, points)
+        recording.up = describe(found.axis)
         notes.append(found.summary)
     elif up != "z":
         recording._turn = _axes_turned(up)

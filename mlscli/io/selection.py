@@ -55,6 +55,12 @@ class Selection:
         """Whether time stamps decide."""
         return self.start is not None or self.end is not None
 
+    def duration(self, first: float, last: float) -> float:
+        """Return how many seconds are selected of a recording between these times, NaN of NaN."""
+        start = _absolute(self.start, first, first)
+        end = _absolute(self.end, first, last)
+        return max(min(end, last) - max(start, first), 0.0)
+
     def chooser(self) -> Wanted:
         """Return the choice by time; the first stamp that it is asked about is the beginning.
 

@@ -143,6 +143,19 @@ def test_a_map_that_grows_is_the_same_and_tells_its_pace(folder: Path) -> None:
     assert "the flight has no times" in told
 
 
+def test_headers_without_times_are_told_with_the_option_that_helps(folder: Path) -> None:
+    write_bag(folder / "zero.bag", [Sent(np.array(FLAT))] * 3)
+    hint = "--time-source log takes the times of recording"
+    assert hint in mls("build", "zero.bag", cwd=folder).stderr
+    selected = ("build", "zero.bag", "--overwrite", "--start", "1e-9")
+    done = mls(*selected, cwd=folder)
+    assert done.returncode == 1
+    assert hint in done.stderr.splitlines()[-1]
+    helped = mls(*selected, "--time-source", "log", "--json", cwd=folder)
+    assert json.loads(helped.stdout)["keyframes"] == 2
+    assert hint not in helped.stderr
+
+
 BAD_INPUT = {
     "no such file": (["nosuch.bag"], 1, "nosuch.bag: "),
     "a folder without a bag": (["empty"], 1, "metadata.yaml"),
@@ -161,6 +174,8 @@ BAD_INPUT = {
         1,
         "no point is left to map: of 400 read, dropped were 400 (median)",
     ),
+    "standard input": (["-"], 1, "standard input is not read"),
+    "a trajectory for a cloud": (["tum.txt"], 1, "name the cloud, and this file after --route"),
     "decimal commas": (["commas.csv"], 1, "commas.csv:2: found '1,5;2,5;3,5', with decimal commas"),
     "an output in no folder": (["flight.txt", "-o", "no/m.npz"], 1, "no/m.npz: "),
     "a typo in the YAML": (["flight.txt", "-c", "typo.yaml"], 2, "typo.yaml:2:3: "),
@@ -188,6 +203,7 @@ def test_bad_input_is_one_line_and_leaves_no_file(folder: Path, case: str) -> No
     (folder / "broken.txt").write_text("1 2 3\n1 2 three\n")
     (folder / "nan.txt").write_text("nan 2 3\n")
     (folder / "commas.csv").write_text("x;y;z\n1,5;2,5;3,5\n")
+    (folder / "tum.txt").write_text("# stamp x y z\n1.5 0 0 0 0 0 0 1\n1.6 1 0 0 0 0.6 0 -0.8\n")
     (folder / "there.npz").write_text("precious")
     (folder / "typo.yaml").write_text("map:\n  cel_size: 0.1\n")
     before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
