@@ -17,6 +17,14 @@ from mlscli.poses import Poses, PoseTrack, identity, tells_pose, unit, unknown
 from mlscli.typing import Bool, Float64
 
 
+class Link(NamedTuple):
+    """A frame and what it hangs below; over time it can have hung below several."""
+
+    parent: str
+    child: str
+    moves: bool
+
+
 class TransformTree:
     """Frames and where they stand in one another, told in any order.
 
@@ -79,6 +87,12 @@ class TransformTree:
         """All frames, by name."""
         children = {*self._moving, *self._static}
         return sorted(children.union(*map(self._parents, children)))
+
+    @property
+    def links(self) -> list[Link]:
+        """All frames with each of their parents, by name."""
+        children = sorted({*self._moving, *self._static})
+        return [Link(p, c, c in self._moving) for c in children for p in self._parents(c)]
 
     def ancestors(self, frame: str) -> list[str]:
         """Return a frame, its parent, and so on up to the root, by the latest transforms.

@@ -230,6 +230,15 @@ def test_a_circle_of_frames_is_named() -> None:
         tree.ancestors("lidar")
 
 
+def test_links_name_each_frame_with_all_its_parents_and_whether_it_moves() -> None:
+    assert {tuple(link) for link in reparented().links} == {
+        ("ship", "box", True),
+        ("truck", "box", True),
+        ("harbour", "truck", False),
+        ("harbour", "ship", False),
+    }
+
+
 def test_the_ancestors_lead_to_the_root() -> None:
     tree = TransformTree()
     tree.add("/map", "odom", *still(1))

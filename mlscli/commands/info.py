@@ -10,36 +10,47 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mlscli.commands import report
-from mlscli.commands.build import PARTLY_READ
-from mlscli.commands.options import as_json, say
+from mlscli.commands import report, topics
+from mlscli.commands.options import PARTLY_READ, as_json, say
 
 if TYPE_CHECKING:
-    from mlscli.io.base import Source
     from mlscli.surface_map import SurfaceMap
+
+TEXT = "text cloud"
 
 
 @click.command()
 @click.argument("paths", metavar="FILE...", nargs=-1, required=True)
-@click.option("--columns", metavar="LIST", help="Columns of a text cloud, as for mls build.")
+@click.option("--columns", metavar="LIST", help="Columns of text clouds, as for mls build.")
+@click.option(
+    "--up",
+    default="z",
+    metavar="AXIS",
+    help="Axis of clouds and reconstructions that points up, as for mls build: extent and levels "
+    "are told along it.",
+)
 @as_json
-def command(paths: tuple[str, ...], columns: str | None, as_json: bool) -> int:
+def command(paths: tuple[str, ...], columns: str | None, up: str, as_json: bool) -> int:
     """Say what recordings or maps hold.
 
-    Of a bag: topics with types, counts and frames, the time, and which topics can be mapped; of a
-    cloud or reconstruction: its keyframes, extent and levels; of a map: patches by origin, levels,
-    extent, parameters and sources. With --json, a list of an object for each file. Files that
-    cannot be read are told, the others described.
+    Of a bag: what each topic is good for, with type, count and frame, how the frames hang together,
+    and the time; of a cloud or reconstruction: its keyframes, extent and levels; of a map: patches
+    by origin, levels, extent, parameters and sources. With --json, a list of an object for each
+    file. Files that cannot be read are told, the others described.
     """
-    from mlscli.errors import MlsError
+    from mlscli.errors import MlsError, UsageError
 
     results, status = [], 0
     for path in paths:
         try:
-            results.append(_describe(path, columns))
+            results.append(_describe(path, columns, up))
         except MlsError as error:
             say(f"mls: {error}")
             status = max(status, error.exit_status)
+    if columns is not None and results and not any(r["kind"] == TEXT for r in results):
+        raise UsageError(f"--columns {columns}: none of the files is a text cloud")
+    if up != "z" and results and not any("up" in r for r in results):
+        raise UsageError(f"--up {up}: none of the files is a cloud or a reconstruction")
     if as_json:
         click.echo(json.dumps(results, indent=2))
     elif results:
@@ -48,12 +59,12 @@ def command(paths: tuple[str, ...], columns: str | None, as_json: bool) -> int:
     return status or (PARTLY_READ if partly_read else 0)
 
 
-def _describe(path: str, columns: str | None) -> dict[str, Any]:
+def _describe(path: str, columns: str | None, up: str) -> dict[str, Any]:
     from mlscli.io.mapfile import is_map, read_map
 
     if is_map(path) or (path.endswith(".npz") and Path(path).is_file()):
         return _of_map(path, read_map(path))
-    return _of_recording(path, columns)
+    return _of_recording(path, columns, up)
 
 
 def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
@@ -62,49 +73,38 @@ def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
     return {"file": path, "kind": "map", **describe(surface), "meta": surface.meta}
 
 
-def _of_recording(path: str, columns: str | None) -> dict[str, Any]:
+def _of_recording(path: str, columns: str | None, up: str) -> dict[str, Any]:
     from mlscli.io.base import Reading
     from mlscli.io.formats import open_source
+    from mlscli.io.topic import TopicSource
 
     source = open_source(Path(path), Reading(columns=columns))
     begin, end = (None if math.isnan(time) else time for time in source.time_span())
     result: dict[str, Any] = {"file": path, "kind": source.kind, "start": begin, "end": end}
-    if source.topics():
-        return result | {"topics": _topics(source)}
-    return result | _of_cloud(path, columns)
+    if isinstance(source, TopicSource):
+        return result | topics.describe(source)
+    return result | _of_cloud(path, columns if source.kind == TEXT else None, up)
 
 
-def _topics(source: Source) -> list[dict[str, Any]]:
-    from mlscli.io.placing import why_not_mapped
-
-    rows = []
-    for topic, why_not in zip(source.topics(), why_not_mapped(source), strict=True):
-        rows.append(
-            {
-                "name": topic.name,
-                "type": topic.type,
-                "messages": topic.count,
-                "frame": topic.frame,
-                "mappable": not why_not,
-                "why_not": why_not,
-            }
-        )
-    return rows
-
-
-def _of_cloud(path: str, columns: str | None) -> dict[str, Any]:
-    """Describe a cloud as recorded, its levels in cells of the size that `auto` gives."""
+def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
+    """Describe a cloud, its levels in cells of the size that `auto` gives."""
     from mlscli.config import Parameters
+    from mlscli.errors import InputError
     from mlscli.io.recording import open_recording
     from mlscli.pipeline.builder import build
     from mlscli.summary import describe
 
-    recording = open_recording(path, columns=columns)
+    recording = open_recording(path, columns=columns, up=up)
     keyframes = list(recording.keyframes())
     lows = [keyframe.points.min(axis=0) for keyframe in keyframes if len(keyframe.points)]
     highs = [keyframe.points.max(axis=0) for keyframe in keyframes if len(keyframe.points)]
-    unfiltered = Parameters(pipeline=())
-    description = describe(build(recording, unfiltered).surface)
+    notes = list(recording.notes)
+    try:
+        description = describe(build(recording, Parameters(pipeline=())).surface)
+    except InputError as error:
+        # Of two points there are extents, but no size that cells should have.
+        description = {"cell_size": None, "levels": {}}
+        notes.append(f"levels cannot be told: {error}")
     return {
         "points": recording.tally.points_read,
         "dropped": recording.tally.dropped,
@@ -116,7 +116,8 @@ def _of_cloud(path: str, columns: str | None) -> dict[str, Any]:
         },
         "cell_size": description["cell_size"],
         "levels": description["levels"],
-        "notes": recording.notes,
+        "up": recording.up,
+        "notes": notes,
         "lost": recording.losses,
     }
 
@@ -129,19 +130,40 @@ def _text(result: dict[str, Any]) -> str:
     if result["kind"] == "map":
         return f"{head}\n{report.lines(_map_rows(result))}"
     if "topics" in result:
-        rows = [("time", _time(result)), ("topics", f"{len(result['topics'])}")]
-        return "\n".join([f"{head}\n{report.lines(rows)}", *_topic_lines(result["topics"])])
+        rows = [
+            *_remarks(result),
+            ("time", _time(result)),
+            ("topics", _mappable(result["topics"])),
+        ]
+        return "\n".join([f"{head}\n{report.lines(rows)}", *topics.lines(result)])
     rows = [
         ("points", f"{result['points']:,} in {report.some(result['keyframes'], 'keyframe')}"),
         ("dropped", report.counts(result["dropped"])),
         ("time", _time(result)),
         ("route", _route(result)),
         ("extent", report.bounds(result["extent"])),
-        ("levels", f"{report.levels(result['levels'])} (cells of {result['cell_size']:.6g})"),
-        *[("note", note) for note in result["notes"]],
-        *[("lost", loss) for loss in result["lost"]],
+        ("levels", _levels(result)),
+        *_remarks(result),
     ]
     return f"{head}\n{report.lines(rows)}"
+
+
+def _remarks(result: dict[str, Any]) -> list[tuple[str, str]]:
+    notes = [("note", note) for note in result["notes"]]
+    return [*notes, *[("lost", loss) for loss in result["lost"]]]
+
+
+def _mappable(topics: list[dict[str, Any]]) -> str:
+    count = sum(topic["mappable"] for topic in topics)
+    can = "of which none can be mapped" if not count else f"of which {count} can be mapped"
+    return f"{len(topics)}, {can}" if topics else "none"
+
+
+def _levels(result: dict[str, Any]) -> str:
+    if not result["levels"]:
+        return ""
+    size, up = result["cell_size"], result["up"]
+    return f"{report.levels(result['levels'])} (cells of {size:.6g}, up is {up})"
 
 
 def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
@@ -182,20 +204,3 @@ def _time(result: dict[str, Any]) -> str:
 def _route(result: dict[str, Any]) -> str:
     known = result["positions"]
     return f"where the craft was is known of {report.some(known, 'keyframe')}" if known else ""
-
-
-def _topic_lines(topics: list[dict[str, Any]]) -> Iterable[str]:
-    widths = [max(len(str(topic[key])) for topic in topics) for key in ("name", "type", "messages")]
-    for topic in topics:
-        frame = f"  frame {topic['frame']!r}" if topic["frame"] else ""
-        # The types that can be mapped are named once, below.
-        why_not = topic["why_not"].partition("; can be mapped:")[0]
-        can = "can be mapped" if topic["mappable"] else f"not mapped: {why_not}"
-        yield (
-            f"    {topic['name']:<{widths[0]}}  {topic['type']:<{widths[1]}}  "
-            f"{topic['messages']:>{widths[2]}}  {can}{frame}"
-        )
-    if not any(topic["mappable"] for topic in topics):
-        from mlscli.io.messages import MAPPABLE
-
-        yield f"  can be mapped: {MAPPABLE}"

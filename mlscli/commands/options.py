@@ -9,6 +9,9 @@ import click
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
+PARTLY_READ = 3
+"""The exit status where the work is done, but part of the input could not be read."""
+
 
 def configured(command: Command) -> Command:
     """Add ``-c`` and ``--set``; the command takes them as `config` and `settings`."""

@@ -107,7 +107,7 @@ class Placing:
         UsageError
             What is asked for fits no source.
         """
-        tree, notes = _told_tree(sources), list[str]()
+        tree, notes = told_tree(sources), list[str]()
         track = None if asked.pose_topic is None else _told_track(sources, asked.pose_topic)
         if asked.mounting is not None and track is None:
             notes += _mount(tree, asked.mounting, sources)
@@ -241,20 +241,27 @@ class _Track(NamedTuple):
     poses: PoseTrack
 
 
-def why_not_mapped(source: Source) -> list[str]:
+def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[str]:
     """Say for each topic of a source what stands against mapping it as it is; nothing where none.
 
     A topic of clouds in a sensor's frame can be mapped where transforms lead from it.
+
+    Parameters
+    ----------
+    source : Source
+    tree : TransformTree, optional
+        Of the source, where it has been read already.
     """
-    tree = _told_tree([source])
+    tree = told_tree([source]) if tree is None else tree
     reasons = []
     for topic in source.topics():
         frame = bare(topic.frame)
-        leads_on = not frame or is_world(frame) or _world_above(tree, frame)
-        if not topic.mappable or leads_on:
-            reasons.append(topic.why_not)
-        else:
-            reasons.append(f"frame {frame!r} is no world frame; {_ways_out(source, frame, tree)}")
+        try:
+            leads_on = not frame or is_world(frame) or world_above(tree, frame) is not None
+            why_not = f"frame {frame!r} is no world frame; {_ways_out(source, frame, tree)}"
+        except InputError as error:
+            leads_on, why_not = False, str(error)
+        reasons.append(topic.why_not if leads_on or not topic.mappable else why_not)
     return reasons
 
 
@@ -263,7 +270,8 @@ def is_world(frame: str) -> bool:
     return bare(frame).rpartition("/")[2] in WORLD_FRAMES
 
 
-def _told_tree(sources: Sequence[Source]) -> TransformTree:
+def told_tree(sources: Sequence[Source]) -> TransformTree:
+    """Return the frames that the transforms of all sources tell."""
     tree = TransformTree()
     for source in sources:
         for told, stays in source.transforms():
@@ -340,7 +348,7 @@ def _map_frame(
         if track is not None:
             return track.parent or "map"
         if frame:
-            above = _world_above(tree, frame)
+            above = world_above(tree, frame)
             if above is None:
                 raise InputError(
                     f"{source.label}: the clouds are in the frame {frame!r}, expected a world "
@@ -350,7 +358,7 @@ def _map_frame(
     return "map"
 
 
-def _world_above(tree: TransformTree, frame: str) -> str | None:
+def world_above(tree: TransformTree, frame: str) -> str | None:
     """Return the frame above another that stands still; None where there is none.
 
     It is the topmost with the name of a world frame, or the root where something moves below it:

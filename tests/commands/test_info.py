@@ -125,12 +125,98 @@ def test_files_that_can_be_read_are_described_beside_those_that_cannot(tmp_path:
 
 
 def test_of_the_real_bags_it_names_every_topic(shared_data: Path) -> None:
-    told = json.loads(mls("info", shared_data / "bags/ros1_luminar_pc2_lz4.bag", "--json").stdout)[
-        0
-    ]
-    clouds = [topic for topic in told["topics"] if topic["type"].endswith("PointCloud2")]
-    assert clouds
-    assert all("frame" in topic["why_not"] for topic in clouds)
-    told = json.loads(mls("info", shared_data / "bags/ros2_jackal_scan_pose", "--json").stdout)[0]
+    (told,) = json.loads(
+        mls("info", shared_data / "bags/ros1_luminar_pc2_lz4.bag", "--json").stdout
+    )
+    topics = {topic["name"]: topic for topic in told["topics"]}
+    assert {name: topic["use"] for name, topic in topics.items()} == {
+        "/base_pose_ground_truth": "poses",
+        "/base_scan": "clouds",
+        "/luminar_pointcloud": "clouds",
+    }
+    for name in ("/base_scan", "/luminar_pointcloud"):
+        assert not topics[name]["mappable"]
+        assert topics[name]["frame"] in topics[name]["why_not"]
+        assert "--pose-topic /base_pose_ground_truth" in topics[name]["why_not"]
+    (told,) = json.loads(mls("info", shared_data / "bags/ros2_jackal_scan_pose", "--json").stdout)
     scans = {topic["type"]: topic["messages"] for topic in told["topics"]}
     assert scans["sensor_msgs/msg/LaserScan"] == 189
+
+
+def test_of_transforms_it_tells_how_frames_hang_and_where_clouds_come(shared_data: Path) -> None:
+    bag = shared_data / "bags/ros1_tilt_laser_tf.bag"
+    (told,) = json.loads(mls("info", bag, "--json").stdout)
+    assert {(link["parent"], link["child"]) for link in told["frames"]} == {
+        ("tilt_base", "tilt_axis"), ("tilt_axis", "camera"), ("tilt_axis", "laser"),
+    }  # fmt: skip
+    topics = {topic["name"]: topic for topic in told["topics"]}
+    assert topics["/tf"]["use"] == "transforms"
+    assert topics["/imu_data"]["use"] is None
+    assert topics["/scan"]["map_frame"] == "tilt_base"
+    shown = mls("info", bag).stdout
+    assert "moved into 'tilt_base'" in shown
+    assert "\n    tilt_base\n      tilt_axis (moves)\n        camera" in shown
+
+
+def test_of_a_bag_without_messages_it_says_so(shared_data: Path) -> None:
+    done = mls("info", shared_data / "bags/ros1_no_messages.bag")
+    assert done.returncode == 0, done.stderr
+    assert "topics  none" in done.stdout
+
+
+def test_a_bag_whose_first_cloud_is_broken_is_described(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((5, 3)), frame_id="odom")] * 3)
+    # Of the first message the field x gets another name.
+    bag.write_bytes(bag.read_bytes().replace(b"\1\0\0\0x", b"\1\0\0\0q", 1))
+    done = mls("info", "a.bag", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (topic,) = json.loads(done.stdout)[0]["topics"]
+    assert (topic["messages"], topic["frame"], topic["mappable"]) == (3, "odom", True)
+    built = mls("build", "a.bag", "--set", "map.cell_size=1", "-c", "plain", cwd=tmp_path)
+    assert built.returncode == 3
+    assert "1 of 3 messages" in built.stderr
+
+
+def test_what_is_lost_of_a_bag_is_told_with_status_3(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((50, 3)), frame_id="odom")] * 3)
+    bag.write_bytes(bag.read_bytes()[:-700])
+    done = mls("info", "a.bag", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "\n  lost " in done.stdout
+
+
+def test_levels_are_counted_along_the_axis_that_points_up(tmp_path: Path) -> None:
+    rows = [f"{0.2 * x} {y} {0.2 * z}" for y in (0, 3) for x in range(20) for z in range(20)]
+    (tmp_path / "house.xyz").write_text("\n".join(rows))
+    two_storeys(tmp_path / "other.ply")
+
+    def levels(*options: str) -> set[str]:
+        done = mls("info", "house.xyz", *options, "--json", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        return set(json.loads(done.stdout)[0]["levels"])
+
+    assert levels("--up", "y") == levels("--up", "-y") == {"2"}
+    assert "2" not in levels()
+    wrong = mls("info", "house.xyz", "--up", "upwards", cwd=tmp_path)
+    assert wrong.returncode == 2
+    both = mls("info", "house.xyz", "other.ply", "--columns", "x,y,z", "--json", cwd=tmp_path)
+    assert len(json.loads(both.stdout)) == 2
+
+
+def test_options_that_fit_no_file_are_refused(tmp_path: Path) -> None:
+    write_bag(tmp_path / "a.bag", [Sent(np.ones((5, 3)))])
+    for option in (("--columns", "x,y,z"), ("--up", "y")):
+        done = mls("info", "a.bag", *option, cwd=tmp_path)
+        assert done.returncode == 2
+        assert " ".join(option) in done.stderr
+        assert done.stdout == ""
+
+
+def test_of_two_points_there_is_an_extent_and_no_levels(tmp_path: Path) -> None:
+    (tmp_path / "two.xyz").write_text("0 0 0\n1 2 3\n")
+    done = mls("info", "two.xyz", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (told,) = json.loads(done.stdout)
+    assert told["extent"] == {"x": [0, 1], "y": [0, 2], "z": [0, 3]}
+    assert told["levels"] == {}
+    assert "levels cannot be told" in mls("info", "two.xyz", cwd=tmp_path).stdout

@@ -1,0 +1,122 @@
+"""What `mls info` tells of recordings with topics: what each is good for, and how frames hang."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mlscli.io.base import Source, Topic
+    from mlscli.transforms import TransformTree
+
+_SECONDS = 5.0  # for transforms: an hour of them, where they do not lie among images
+
+
+def describe(source: Source) -> dict[str, Any]:
+    """Return what each topic is good for, frames, notes and losses, ready for JSON."""
+    from mlscli.io.glance import Glance
+    from mlscli.io.placing import told_tree, why_not_mapped
+
+    glance = Glance(seconds=_SECONDS)
+    tree = told_tree([glance.of(source)])
+    notes = list(source.notes)
+    if glance.poses_cut:
+        notes.append(f"frames and what leads to them: by the transforms read in {_SECONDS:g} s")
+    reasons = why_not_mapped(source, tree)
+    return {
+        "topics": [
+            {
+                "name": topic.name,
+                "type": topic.type,
+                "messages": topic.count,
+                "use": _use(topic),
+                "frame": topic.frame,
+                "map_frame": None if why_not else _map_frame(topic, tree),
+                "mappable": not why_not,
+                "why_not": why_not,
+            }
+            for topic, why_not in zip(source.topics(), reasons, strict=True)
+        ],
+        "frames": [link._asdict() for link in tree.links],
+        "notes": notes,
+        "lost": list(source.losses),
+    }
+
+
+def _use(topic: Topic) -> str | None:
+    """Say what a topic is good for: clouds, poses, transforms, or nothing."""
+    from mlscli.io.messages import CLOUD_TYPES
+    from mlscli.io.poses import TRANSFORM_TYPES
+
+    if topic.type in CLOUD_TYPES:
+        return "clouds"
+    if topic.poses:
+        return "poses"
+    return "transforms" if topic.type in TRANSFORM_TYPES else None
+
+
+def _map_frame(topic: Topic, tree: TransformTree) -> str:
+    """Return the frame in which the clouds of a topic are mapped where nothing else is asked."""
+    from mlscli.io.placing import is_world, world_above
+    from mlscli.transforms import bare
+
+    frame = bare(topic.frame)
+    if not frame or is_world(frame):
+        return frame or "map"
+    return world_above(tree, frame) or frame
+
+
+def lines(description: dict[str, Any]) -> Iterator[str]:
+    """Tell topics and frames as text."""
+    topics, frames = description["topics"], description["frames"]
+    rows = [(t["name"], t["type"], _count(t["messages"]), _good_for(t)) for t in topics]
+    widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)]
+    for name, type_, count, good_for in rows:
+        yield (f"    {name:<{widths[0]}}  {type_:<{widths[1]}}  {count:>{widths[2]}}  {good_for}")
+    if not any(topic["use"] == "clouds" for topic in topics):
+        from mlscli.io.messages import MAPPABLE
+
+        yield f"  nothing here can be mapped; what can: {MAPPABLE}"
+    if frames:
+        yield "  frames, each below the one that it is told in"
+        yield from _tree(frames)
+
+
+def _count(messages: int | None) -> str:
+    return "?" if messages is None else f"{messages:,}"
+
+
+def _good_for(topic: dict[str, Any]) -> str:
+    if topic["use"] == "poses":
+        return "no clouds; poses, for --pose-topic"
+    if topic["use"] == "transforms":
+        return "no clouds; transforms"
+    if topic["use"] is None:
+        return "no clouds"
+    if not topic["mappable"]:
+        return f"not mapped as it is: {topic['why_not']}"
+    frame, into = topic["frame"].strip().lstrip("/"), topic["map_frame"]
+    if not frame:
+        return "can be mapped: in no frame"
+    moved = f", moved into {into!r} by the transforms" if into != frame else ""
+    return f"can be mapped: in {frame!r}{moved}"
+
+
+def _tree(links: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Draw frames below their parents, and at last those that hang in a circle."""
+    children = {link["child"] for link in links}
+    drawn: set[str] = set()
+
+    def draw(frame: str, depth: int, moves: bool) -> Iterable[str]:
+        drawn.add(frame)
+        yield f"    {'  ' * depth}{frame}{' (moves)' if moves else ''}"
+        for link in links:
+            if link["parent"] == frame and link["child"] not in drawn:
+                yield from draw(link["child"], depth + 1, link["moves"])
+
+    for link in links:
+        if link["parent"] not in children and link["parent"] not in drawn:
+            yield from draw(link["parent"], 0, moves=False)
+    for link in links:
+        if link["child"] not in drawn:
+            yield f"    {link['child']} below {link['parent']}, in a circle"
