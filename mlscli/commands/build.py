@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mlscli.commands import report
-from mlscli.commands.options import as_json, configured, overwrite, say
+from mlscli.commands import dryrun, report
+from mlscli.commands.options import PARTLY_READ, as_json, configured, overwrite, say
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import reading
 
 if TYPE_CHECKING:
     from mlscli.pipeline.builder import Build
     from mlscli.pipeline.change import Change
-
-PARTLY_READ = 3
 
 
 @click.command()
@@ -36,6 +34,12 @@ PARTLY_READ = 3
     help="Bring the map up to date after every batch, as on board, and say how long the slowest "
     "took. The map is the same. The sequential mode always does.",
 )
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Read the first keyframes only, and say what the build would do and how long it would "
+    "take; write nothing.",
+)
 @configured
 @reading
 @overwrite
@@ -44,6 +48,7 @@ def command(
     sources: tuple[str, ...],
     output: str | None,
     growing: bool,
+    dry_run: bool,
     config: str | None,
     settings: tuple[str, ...],
     overwrite: bool,
@@ -65,6 +70,9 @@ def command(
     parameters = load(config, settings)
     target = output or default_output(sources[0])
     refuse_existing(target, overwrite=overwrite, sources=sources)
+    if dry_run:
+        follow = _nobody if growing else None
+        return dryrun.tell(target, sources, parameters, follow, selection, as_json=as_json)
     recording = open_recording(*sources, **selection)
     notes = recording.notes
     for note in notes:

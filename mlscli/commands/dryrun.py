@@ -1,0 +1,94 @@
+"""`mls build --dry-run`: what the build would do, as text or JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mlscli.commands import report
+from mlscli.commands.options import PARTLY_READ, say
+
+if TYPE_CHECKING:
+    from mlscli.config import Parameters
+    from mlscli.pipeline.builder import Follower
+
+
+def tell(
+    target: str,
+    sources: Sequence[str],
+    parameters: Parameters,
+    follow: Follower | None,
+    selection: dict[str, Any],
+    *,
+    as_json: bool,
+) -> int:
+    """Say what a build of these sources would do, and return the exit status."""
+    from mlscli.estimate import estimate_build
+
+    estimate = estimate_build(*sources, parameters=parameters, follow=follow, **selection)
+    auto = parameters.map.cell_size == "auto"
+    account = {"map": target, "mode": parameters.mode, "auto": auto, **asdict(estimate)}
+    for note in estimate.notes:
+        say(f"mls: {note}")
+    for loss in estimate.lost:
+        say(f"mls: warning: {loss}")
+    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+    return PARTLY_READ if estimate.lost else 0
+
+
+def _text(account: dict[str, Any]) -> str:
+    read = account["read"]
+    about = "" if read["all"] else "about "
+    rows = [
+        ("clouds", ", ".join(account["clouds"])),
+        ("frame", account["frame_id"]),
+        ("up", account["up"]),
+        ("keyframes", _keyframes(account, about)),
+        ("points", _number(account["points"], about)),
+        ("patches", _number(account["patches"], "" if account["whole"] else "about ")),
+        ("cell size", _number(account["cell_size"], about if account["auto"] else "")),
+        ("gap size", _number(account["gap_size"], about if account["auto"] else "")),
+        ("time", _duration(account["seconds"])),
+        ("judged by", _judged_by(read)),
+        ("dropped", report.counts(read["dropped"])),
+    ]
+    return f"{account['map']}: not written\n{report.lines(rows)}"
+
+
+_UNKNOWN = "not known from the beginning of the recording"
+
+
+def _keyframes(account: dict[str, Any], about: str) -> str:
+    if account["keyframes"] is None:
+        return _UNKNOWN
+    told = report.some(account["keyframes"], "keyframe").partition(" ")[0]
+    if account["batches"] is None:
+        return told
+    return f"{told} in {about}{report.some(account['batches'], 'batch')}, {account['mode']}"
+
+
+def _number(number: float | None, about: str) -> str:
+    if number is None:
+        return _UNKNOWN
+    if isinstance(number, int):
+        # Two digits are more than an extrapolation is good for.
+        return f"{about}{int(float(f'{number:.1e}')) if about else number:,}"
+    return f"{number:.6g}" if not about else f"about {number:.2g}"
+
+
+def _duration(seconds: float | None) -> str:
+    if seconds is None:
+        return _UNKNOWN
+    if seconds < 100:
+        return f"about {seconds:.2g} s"
+    return f"about {seconds / 60:.0f} min" if seconds < 6000 else f"about {seconds / 3600:.1f} h"
+
+
+def _judged_by(read: dict[str, Any]) -> str:
+    of = "all" if read["all"] else "the first"
+    keyframes = report.some(read["keyframes"], "keyframe")
+    return f"{of} {keyframes}, {report.some(read['points'], 'point')}"
