@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections import defaultdict
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -68,3 +69,13 @@ def open3d() -> Any:
         except (ImportError, OSError) as error:
             pytest.skip(f"open3d cannot be imported: {error}")
     return open3d
+
+
+def shared_edges(mesh: Mesh) -> list[list[int]]:
+    """Return for each edge the directions, 1 or -1, in which triangles run through it."""
+    found = defaultdict[tuple[int, int], list[int]](list)
+    for corners in mesh.triangles.tolist():
+        for i in range(3):
+            begin, end = corners[i], corners[(i + 1) % 3]
+            found[min(begin, end), max(begin, end)].append(1 if begin < end else -1)
+    return list(found.values())

@@ -2,8 +2,8 @@
 
 How patches become triangles is told in the modules `triangulation` and `walls` beside this. The
 thesis lost every patch with fewer than two neighbours; here nothing in the map is invisible. A
-horizontal patch that no triangle holds is drawn as a square half a cell wide. A vertical patch
-that no wall shows is drawn as two upright quads that cross, with such a square on top where no
+horizontal patch that no triangle holds is drawn as a square half a cell wide. What no wall shows
+of a vertical patch is drawn as two upright quads that cross, with such a square on top where no
 surface meets it.
 """
 
@@ -17,16 +17,11 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from mlscli.errors import InputError, UsageError
-from mlscli.mesh.colours import ROUTE_GREEN, height_range, patch_colours
+from mlscli.mesh.colours import COLOURS, ROUTE_GREEN, ColourBy, Paint
 from mlscli.mesh.ground import route_on_ground
-from mlscli.mesh.triangulation import (
-    NONE,
-    Nodes,
-    links,
-    nodes_of,
-    surface_triangles,
-)
-from mlscli.mesh.walls import wall_triangles
+from mlscli.mesh.orientation import oriented
+from mlscli.mesh.triangulation import NONE, Nodes, links, nodes_of, surface_triangles
+from mlscli.mesh.walls import walls_of
 from mlscli.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
 from mlscli.typing import Float64, Int32, Int64, UInt8
 
@@ -43,7 +38,7 @@ MAX_SLOPE = 1.5
 MAX_VERTICES = 2**31 - 1
 
 # The route runs this many cells above the ground, so as not to be hidden in it.
-ROUTE_LIFT = 0.05
+ROUTE_LIFT = 0.1
 
 # The quads of patches drawn alone: offsets of the corners from the cell's centre, in cells.
 _SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 4
@@ -99,6 +94,7 @@ def build_mesh(
     *,
     max_slope: float = MAX_SLOPE,
     artificial: bool = True,
+    colour: ColourBy = "height",
 ) -> Mesh:
     """Make a mesh of a map.
 
@@ -114,26 +110,32 @@ def build_mesh(
         Patches of neighbouring cells belong together up to this difference in height, in cells.
     artificial
         Whether artificial patches are in it.
+    colour
+        What the colours stand for. By height, plastered patches are lighter; by all but region,
+        artificial ones are red.
 
     Raises
     ------
     UsageError
-        Where the style is unknown, or the slope is not a finite number of 0 or more.
+        Where style or colouring are unknown, or the slope is not a finite number of 0 or more.
     InputError
         Where the mesh has too many vertices, or they lie beyond float64.
     """
     if style not in STYLES:
         raise UsageError(f"style: is {style!r}; it must be one of {', '.join(STYLES)}")
+    if colour not in COLOURS:
+        raise UsageError(f"colour: is {colour!r}; it must be one of {', '.join(COLOURS)}")
     if not math.isfinite(max_slope) or max_slope < 0:
         raise UsageError(f"--max-slope {max_slope!r}: expected a finite number of 0 or more")
-    heights = height_range(surface)
+    paint = Paint(surface, colour)
     if not artificial:
         surface = surface.take(surface.origin != ARTIFICIAL)
-    nodes = nodes_of(surface)
+    reach = max_slope * surface.cell_size
+    nodes = nodes_of(surface, reach if style == "surface" else math.inf)
     if style == "surface":
-        return _assemble(surface, heights, _drawn(surface, nodes, max_slope * surface.cell_size))
+        return _assemble(surface, paint, _drawn(surface, nodes, reach))
     depths = np.column_stack((nodes.top, nodes.foot))[nodes.foot != NONE]
-    return _assemble(surface, heights, [_nodes(nodes)], depths, nodes.top)
+    return _assemble(surface, paint, [_nodes(nodes)], depths, nodes.top)
 
 
 class _Piece(NamedTuple):
@@ -156,22 +158,21 @@ class _Piece(NamedTuple):
 
 def _drawn(surface: SurfaceMap, nodes: Nodes, reach: float) -> list[_Piece]:
     """Return the surfaces and walls of a map, and each patch that these do not show by itself."""
-    flat = surface_triangles(links(surface, nodes, reach), nodes.height, nodes.is_foot)
-    walls, walled = wall_triangles(surface, nodes, reach)
-    top = nodes.height[nodes.top]
-    is_upright = nodes.foot != NONE
+    flat = surface_triangles(links(surface, nodes, reach), nodes.height, nodes.is_joint)
+    nodes, walls, bare = walls_of(surface, nodes, reach)
     on_surface = np.zeros(len(nodes.patch), dtype=np.bool_)
     on_surface[flat] = True
-    open_top = ~on_surface[nodes.top]
-    alone = np.flatnonzero(is_upright & ~walled)
-    low, high = nodes.height[nodes.foot[alone]], top[alone]
-    upright = np.column_stack((low, low, high, high))
-    level = np.flatnonzero(open_top & ~walled)
+    open_top = nodes.top[~on_surface[nodes.top]]
+    is_bare = (nodes.foot == NONE)[nodes.patch]
+    is_bare[bare[:, 1]] = True
+    level = open_top[is_bare[open_top]]
+    upright = nodes.height[bare[:, [0, 0, 1, 1]]]
+    patch = nodes.patch[bare[:, 0]]
     return [
-        _nodes(nodes, np.concatenate((flat, walls))),
-        _quads(level, np.repeat(top[level, None], 4, axis=1), _SQUARE),
-        _quads(alone, upright, _ALONG_X),
-        _quads(alone, upright, _ALONG_Y),
+        _nodes(nodes, np.concatenate((flat, oriented(walls, flat)))),
+        _quads(nodes.patch[level], np.repeat(nodes.height[level, None], 4, axis=1), _SQUARE),
+        _quads(patch, upright, _ALONG_X),
+        _quads(patch, upright, _ALONG_Y),
     ]
 
 
@@ -201,13 +202,13 @@ def _quads(patch: Int64, height: Float64, offset: Float64) -> _Piece:
 
 def _assemble(
     surface: SurfaceMap,
-    heights: tuple[float, float],
+    paint: Paint,
     pieces: Sequence[_Piece],
     depths: Int64 | None = None,
     points: Int64 | None = None,
 ) -> Mesh:
     """Return the mesh of all pieces and the route; depths and points index the first piece."""
-    route = route_on_ground(surface)
+    route, legs = route_on_ground(surface)
     sizes = [len(piece.patch) for piece in pieces]
     if sum(sizes) + len(route) > MAX_VERTICES:
         raise InputError(
@@ -229,15 +230,14 @@ def _assemble(
             "the mesh reaches beyond float64: the map's heights or cells are too large"
         )
     origin = surface.origin[patch]
-    legs = np.arange(first[-1], len(vertices) - 1) if len(route) else np.empty(0, dtype=np.int64)
-    lines = np.column_stack((legs, legs + 1))
+    lines = first[-1] + legs
     if depths is not None:
         lines = np.concatenate((depths, lines))
     return Mesh(
         vertices=vertices,
         colours=np.concatenate(
             (
-                patch_colours(height, origin, *heights),
+                paint(surface, patch, height),
                 np.tile(np.array(ROUTE_GREEN, dtype=np.uint8), (len(route), 1)),
             )
         ),

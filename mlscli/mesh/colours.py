@@ -1,8 +1,11 @@
-"""Colours of a mesh: heights from blue to brown, plastered lighter, artificial red.
+"""Colours of maps: heights from blue to brown, plastered lighter, artificial red.
 
 The height scale runs blue, green, yellow, orange, brown at equal steps of perceived difference:
 its anchors are joined by straight lines in the Oklab space, and its entries lie evenly along
 them. Red is kept for what is artificial, and a strong green for the route.
+
+What else a patch can be coloured by takes the same scale; patches that nobody measured have none
+of it, and are pale or red. Regions take hues that lie far apart.
 
 References
 ----------
@@ -12,15 +15,21 @@ B. Ottosson, *A perceptual color space for image processing*, 2020 (Oklab).
 from __future__ import annotations
 
 from functools import cache
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
 from mlscli.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
-from mlscli.typing import Float64, UInt8
+from mlscli.typing import Float64, Int32, Int64, UInt8
+
+ColourBy: TypeAlias = Literal["height", "origin", "variance", "count", "region", "time"]
+COLOURS: tuple[ColourBy, ...] = get_args(ColourBy)
 
 ARTIFICIAL_RED = (224, 16, 32)
 ROUTE_GREEN = (0, 200, 60)
 WHITE = (255, 255, 255)
+# What has no value on a scale.
+PALE = (214, 214, 208)
 
 ANCHORS = (
     (34, 62, 158),
@@ -124,4 +133,112 @@ def patch_colours(height: Float64, origin: UInt8, low: float, high: float) -> UI
     plastered = origin == PLASTERED
     colours[plastered] = (colours[plastered].astype(np.uint16) + WHITE) // 2
     colours[origin == ARTIFICIAL] = ARTIFICIAL_RED
+    return colours
+
+
+class Scale(NamedTuple):
+    """What the colours of patches stand for.
+
+    Attributes
+    ----------
+    label : str
+    value : float64 (P,)
+        NaN where a patch has none.
+    low, high : float
+        The values of the lowest and the highest colour.
+    """
+
+    label: str
+    value: Float64
+    low: float
+    high: float
+
+
+def scale_of(surface: SurfaceMap, by: ColourBy) -> Scale | None:
+    """Return the scale of a map's colours; None where these are kinds and no amounts.
+
+    Variances are shown by their square roots, counts by their logarithms, times from the
+    recording's first on; where no time is known, keyframes are counted.
+    """
+    if by == "height":
+        return Scale("height", surface.height, *height_range(surface))
+    if by in ("origin", "region"):
+        return None
+    label, value = _amounts(surface, by)
+    known = value[np.isfinite(value)]
+    if len(known) == 0:
+        return Scale(label, value, 0.0, 0.0)
+    low, high = np.percentile(known, PERCENTILES)
+    return Scale(label, value, float(low), float(high))
+
+
+def _amounts(surface: SurfaceMap, by: ColourBy) -> tuple[str, Float64]:
+    """Return what measured patches have some amount of, (P,); NaN for the others."""
+    if by == "variance":
+        return "standard deviation of heights", np.sqrt(surface.variance)
+    if by == "count":
+        points = np.where(surface.count > 0, surface.count, np.nan)
+        return "points, as powers of 10", np.log10(points)
+    return _times(surface)
+
+
+def _times(surface: SurfaceMap) -> tuple[str, Float64]:
+    """Return when patches were first measured, (P,)."""
+    row = surface.first_keyframe
+    if len(surface.route) == 0:
+        return "keyframe", np.full(surface.size, np.nan)
+    stamp = surface.route[:, 0]
+    label = "time of first measurement (s)"
+    if np.isfinite(stamp).any():
+        stamp = stamp - np.nanmin(np.where(np.isfinite(stamp), stamp, np.nan))
+    else:
+        label, stamp = "first keyframe", np.arange(len(stamp), dtype=np.float64)
+    return label, np.where(row >= 0, stamp[np.maximum(row, 0)], np.nan)
+
+
+class Paint:
+    """Gives what belongs to patches of a map its colour.
+
+    Parameters
+    ----------
+    surface
+        The map, with all its patches: what is left out of a mesh stays on the scale.
+    by
+        What colours stand for.
+    """
+
+    def __init__(self, surface: SurfaceMap, by: ColourBy) -> None:
+        self.by = by
+        self.scale = scale_of(surface, by)
+
+    def __call__(self, surface: SurfaceMap, patch: Int64, height: Float64) -> UInt8:
+        """Return colours, uint8 (N, 3), of what is of these patches, at these heights."""
+        origin = surface.origin[patch]
+        if self.by == "region":
+            return region_colours(surface.region[patch])
+        if self.scale is None:
+            colours: UInt8 = origin_colours()[origin]
+            return colours
+        if self.by == "height":
+            return patch_colours(height, origin, self.scale.low, self.scale.high)
+        value = _amounts(surface, self.by)[1][patch]
+        known = np.isfinite(value)
+        colours = np.tile(np.array(PALE, dtype=np.uint8), (len(patch), 1))
+        colours[known] = height_colours(value[known], self.scale.low, self.scale.high)
+        colours[origin == ARTIFICIAL] = ARTIFICIAL_RED
+        return colours
+
+
+def origin_colours() -> UInt8:
+    """Return the colours of measured, plastered and artificial patches, uint8 (3, 3)."""
+    measured = height_scale()[STEPS // 2].astype(np.uint16)
+    return np.array([measured, (measured + WHITE) // 2, ARTIFICIAL_RED], dtype=np.uint8)
+
+
+def region_colours(region: Int32) -> UInt8:
+    """Return the colours of regions, uint8 (N, 3): neighbours in number far apart in hue."""
+    hue = region * (np.pi * (3 - np.sqrt(5)))
+    lightness = np.where(region % 2 == 0, 0.78, 0.6)
+    colours = from_oklab(np.column_stack((lightness, 0.11 * np.cos(hue), 0.11 * np.sin(hue))))
+    colours[region < 0] = PALE
     return colours

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -12,23 +14,60 @@ from mlscli.typing import Float64, Int32, Int64
 # Where nothing was mapped beneath the craft itself, the ground is sought this many cells around.
 SEARCH_CELLS = 3
 
+# A leg is led over the ground cell by cell; where the whole route takes more steps than this,
+# the steps are longer.
+MAX_STEPS = 2_000_000
 
-def route_on_ground(surface: SurfaceMap) -> Float64:
-    """Return the route as it runs on the ground, float64 (R, 3).
 
-    Each position of the craft goes down to the highest patch at or below it in its cell, or else
-    in the nearest ring of cells around that has one, up to three cells away. Positions that are
-    not known or have no ground are left out, and those that repeat the one before them.
+class Track(NamedTuple):
+    """A line on the ground.
+
+    Attributes
+    ----------
+    vertices : float64 (R, 3)
+    legs : int64 (L, 2)
+        The vertices that each piece runs between.
+    """
+
+    vertices: Float64
+    legs: Int64
+
+
+def route_on_ground(surface: SurfaceMap) -> Track:
+    """Return the route as it runs on the ground.
+
+    The craft flies straight from each known position to the next. At both, and once per cell
+    between, the track lies on the highest patch at or below the craft in its cell, or else in
+    the nearest ring of cells around that has one, up to three cells away. Where there is none,
+    the track is interrupted: nobody knows the ground there.
     """
     position = surface.route[:, 1:]
     position = position[np.isfinite(position).all(axis=1)]
     position = position[on_grid(position, surface.cell_size)]
+    position = _steps(position, surface.cell_size)
     cell = cell_indices(position[:, :2], surface.cell_size).astype(np.int64)
     ground = _ground_below(cell, position[:, 2], *surface.cells, surface.height)
-    landed = np.column_stack((position[:, :2], ground))[np.isfinite(ground)] + 0.0
-    new = np.ones(len(landed), dtype=np.bool_)
-    new[1:] = (landed[1:] != landed[:-1]).any(axis=1)
-    return landed[new]
+    landed = np.column_stack((position[:, :2], ground)) + 0.0
+    known = np.isfinite(ground)
+    new = known.copy()
+    new[1:] &= (landed[1:] != landed[:-1]).any(axis=1) | ~known[:-1]
+    number = np.cumsum(new) - 1
+    leg = np.flatnonzero(new[1:] & known[:-1])
+    return Track(landed[new], np.column_stack((number[leg], number[leg + 1])))
+
+
+def _steps(position: Float64, cell_size: float) -> Float64:
+    """Return the positions, and others between them at most a cell apart."""
+    if len(position) < 2:
+        return position
+    leg = np.diff(position, axis=0)
+    pieces = np.hypot(leg[:, 0], leg[:, 1]) / cell_size
+    pieces *= min(1.0, MAX_STEPS / max(pieces.sum(), 1.0))
+    count = np.maximum(np.ceil(pieces), 1).astype(np.int64)
+    begin = np.repeat(np.arange(len(leg)), count)
+    step = np.arange(len(begin)) - np.repeat(np.cumsum(count) - count, count)
+    share = step / count[begin]
+    return np.concatenate((position[begin] + share[:, None] * leg[begin], position[-1:]))
 
 
 @njit(cache=True, nogil=True)

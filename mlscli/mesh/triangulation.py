@@ -1,17 +1,23 @@
 """Which patches of neighbouring cells make one surface, and its triangles.
 
 A horizontal patch is one *node*, at the centre of its cell and at its height; a vertical patch is
-two, its top and its foot. Two nodes in cells that share an edge are *linked* where each is the
-other's nearest in height (equal: the higher) and they are at most `reach` apart in height. So a
-node has at most one link to each side, and the links between two cells never cross.
+two, its top and its foot, and one more where a horizontal patch of the eight cells around meets it
+between these, more than `reach` from both: a *joint*, at the mean height of what meets there (of
+heights no more than `reach` apart). A foot is a joint as well.
+
+Two nodes in cells that share an edge are *linked* where each is the other's nearest in height
+(equal: the higher) and they are at most `reach` apart in height. So a node has at most one link to
+each side, and the links between two cells never cross.
 
 In a block of 2 x 2 cells the links form rings and open chains. A ring of four nodes makes two
 triangles, cut along the diagonal that is less steep. An open chain makes a triangle of its first
 three nodes and, where it winds on as on a spiral ramp, another of each next two: these share a
 corner and cover the other half of the block. (Of a chain with an even number of nodes one end is
 left out: that of the steeper triangle, or else the lower.) All corners of a triangle are thus
-linked in a row. A ring or chain of the feet of walls alone is not drawn: the inside of a wall has
-no floor.
+linked in a row. A ring or chain of joints alone is not drawn: the inside of a wall has no floor.
+
+A step that is higher than `reach`, with no wall measured between its levels, stays open: there is
+nothing on the map that could tell a wall from an overhang.
 """
 
 from __future__ import annotations
@@ -31,15 +37,15 @@ STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 class Nodes(NamedTuple):
-    """The tops and feet of all patches, sorted by cell and height.
+    """The tops and joints of all patches, sorted by cell and height.
 
     Attributes
     ----------
     patch : int64 (N,)
         The patch that a node belongs to.
     height : float64 (N,)
-    is_foot : bool (N,)
-        Whether the node is the foot of a vertical patch.
+    is_joint : bool (N,)
+        Whether the node only joins a vertical patch to what it meets: its foot, or between.
     start : int64 (C + 1,)
         The nodes of cell c are ``start[c]`` to ``start[c + 1]``.
     top : int64 (P,)
@@ -50,36 +56,76 @@ class Nodes(NamedTuple):
 
     patch: Int64
     height: Float64
-    is_foot: Bool
+    is_joint: Bool
     start: Int64
     top: Int64
     foot: Int64
 
 
-def nodes_of(surface: SurfaceMap) -> Nodes:
+def nodes_of(surface: SurfaceMap, reach: float) -> Nodes:
     """Return the nodes of a map's patches.
 
     A depth too small to show in float64 at the patch's height makes no foot.
     """
-    upright = np.flatnonzero(surface.low_end < surface.height)
-    patch = np.concatenate((np.arange(surface.size), upright))
-    height = np.concatenate((surface.height, surface.low_end[upright])) + 0.0
-    is_foot = np.arange(len(patch)) >= surface.size
+    low, high = surface.low_end + 0.0, surface.height + 0.0
+    is_upright = low < high
+    upright = np.flatnonzero(is_upright)
     start = surface.cells.start
+    between, meeting = _joints(low, high, is_upright, start, _around(surface), reach)
+    patch = np.concatenate((np.arange(surface.size), upright, between))
+    height = np.concatenate((high, low[upright], meeting))
+    is_joint = np.arange(len(patch)) >= surface.size
     cell = np.repeat(np.arange(len(start) - 1), np.diff(start))[patch]
     order = np.lexsort((height, cell))
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
     foot = np.full(surface.size, NONE)
-    foot[upright] = number[surface.size :]
+    foot[upright] = number[surface.size : surface.size + len(upright)]
     return Nodes(
         patch[order],
         height[order],
-        is_foot[order],
+        is_joint[order],
         np.searchsorted(cell[order], np.arange(len(start))),
         number[: surface.size],
         foot,
     )
+
+
+def _around(surface: SurfaceMap) -> Int64:
+    """Return for each cell the eight around it, int64 (C, 8); -1: there is nothing."""
+    ix, iy, _ = surface.cells
+    steps = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
+    return np.stack([shifted(ix, iy, *step) for step in steps], axis=1)
+
+
+@njit(cache=True, nogil=True)
+def _joints(
+    low: Float64, high: Float64, is_upright: Bool, start: Int64, around: Int64, reach: float
+) -> tuple[Int64, Float64]:
+    """Return the vertical patches that floors meet between their ends, and at which heights."""
+    patches, heights = [np.int64(0) for _ in range(0)], [0.0 for _ in range(0)]
+    for cell in range(len(around)):
+        for patch in range(start[cell], start[cell + 1]):
+            if high[patch] - low[patch] <= 2 * reach:
+                continue
+            met = [0.0 for _ in range(0)]
+            for there in around[cell]:
+                if there >= 0:
+                    for other in range(start[there], start[there + 1]):
+                        z = high[other]
+                        if not is_upright[other] and z - low[patch] > reach < high[patch] - z:
+                            met.append(z)
+            met.sort()
+            first = 0
+            for i in range(len(met)):
+                if i + 1 == len(met) or met[i + 1] - met[i] > reach:
+                    total = 0.0
+                    for z in met[first : i + 1]:
+                        total += z
+                    patches.append(np.int64(patch))
+                    heights.append(min(max(total / (i + 1 - first), met[first]), met[i]))
+                    first = i + 1
+    return np.array(patches, dtype=np.int64), np.array(heights, dtype=np.float64)
 
 
 def links(surface: SurfaceMap, nodes: Nodes, reach: float) -> Int64:
@@ -134,7 +180,7 @@ def _mutual(nearest: Int64, height: Float64, reach: float) -> Int64:
 
 
 @njit(cache=True, nogil=True)
-def surface_triangles(link: Int64, height: Float64, is_foot: Bool) -> Int64:
+def surface_triangles(link: Int64, height: Float64, is_joint: Bool) -> Int64:
     """Return the triangles of the surfaces, counter-clockwise seen from above.
 
     Parameters
@@ -142,7 +188,7 @@ def surface_triangles(link: Int64, height: Float64, is_foot: Bool) -> Int64:
     link : int64 (N, 4)
         As `links` returns it.
     height : float64 (N,)
-    is_foot : bool (N,)
+    is_joint : bool (N,)
 
     Returns
     -------
@@ -157,20 +203,22 @@ def surface_triangles(link: Int64, height: Float64, is_foot: Bool) -> Int64:
         # the block and side k + 1 back.
         for corner in range(4):
             if link[node, (corner + 1) % 4] < 0:
-                found = _add_chain(triangles, found, node, corner, link, height, is_foot)
-        found = _add_ring(triangles, found, node, link, height, is_foot)
+                found = _add_chain(triangles, found, node, corner, link, height, is_joint)
+        found = _add_ring(triangles, found, node, link, height, is_joint)
     return triangles[:found].copy()
 
 
 @njit(cache=True, nogil=True)
 def _add_ring(
-    triangles: Int64, found: int, a: int, link: Int64, height: Float64, is_foot: Bool
+    triangles: Int64, found: int, a: int, link: Int64, height: Float64, is_joint: Bool
 ) -> int:
     """Add the ring of four whose south-western node is `a`, if there is one."""
     b = link[a, EAST]
     c = link[b, NORTH] if b >= 0 else NONE
     d = link[c, WEST] if c >= 0 else NONE
-    if d < 0 or link[d, SOUTH] != a or (is_foot[a] and is_foot[b] and is_foot[c] and is_foot[d]):
+    if d < 0 or link[d, SOUTH] != a:
+        return found
+    if is_joint[a] and is_joint[b] and is_joint[c] and is_joint[d]:
         return found
     if abs(height[a] - height[c]) <= abs(height[b] - height[d]):
         triangles[found] = (a, b, c)
@@ -189,13 +237,13 @@ def _add_chain(
     corner: int,
     link: Int64,
     height: Float64,
-    is_foot: Bool,
+    is_joint: Bool,
 ) -> int:
     """Add the open chain that begins at a node in the given corner of a block."""
-    size, last, solid = 1, first, not is_foot[first]
+    size, last, solid = 1, first, not is_joint[first]
     while link[last, (corner + size - 1) % 4] >= 0:
         last = link[last, (corner + size - 1) % 4]
-        solid = solid or not is_foot[last]
+        solid = solid or not is_joint[last]
         size += 1
     if size < 3 or not solid:
         return found

@@ -1,12 +1,15 @@
 """Which vertical patches of neighbouring cells make one wall, and its triangles.
 
 Two vertical patches are *joined* where they are at most `reach` apart, in cells that share an
-edge, or that share a corner while no third patch joined with both leads round it. The columns of
-two cells are drawn as a ladder is climbed: from the lowest ends upward, the side whose next end
-is lower goes first (equal: either). Each step along a patch makes a triangle with the end reached
-on the other side, if the two patches are joined; steps over the space between two patches make
-none. So two single patches make a quad, and a wall that is whole
-in one cell and in pieces in the next (after a hole was closed, say) has no cracks.
+edge, or that share a corner while no third patch joined with both leads round it. Between them
+stands a quad from the lower ends to the upper ends. Where one is joined with several of a cell,
+each gets the stretch of it that it faces: the space beside a window stays open. Ends more than
+`reach` apart are a step: the longer patch is cut there at the height where the other one ends.
+
+Vertices lie on the upright line through the cell's centre: the ends of patches, the joints where
+floors meet them, and the cuts. Every triangle along a line runs from one vertex to the next, so
+that walls on all sides of it, and floors, share edges. A stretch of a line that no quad has is
+told, to be drawn by itself.
 """
 
 from __future__ import annotations
@@ -25,152 +28,215 @@ ACROSS_EDGES = ((1, 0), (0, 1))
 ACROSS_CORNERS = ((1, 1), (1, -1))
 
 
-class Uprights(NamedTuple):
-    """The vertical patches, in the file's order.
+class Walls(NamedTuple):
+    """The triangles of walls.
 
     Attributes
     ----------
-    start : int64 (C + 1,)
-        The vertical patches of cell c are ``start[c]`` to ``start[c + 1]``.
-    low, high : float64 (U,)
-        Their ends.
-    foot, top : int64 (U,)
-        The nodes at these.
+    nodes : Nodes
+        As given, and the cuts after these, in no cell's range.
+    triangles : int64 (T, 3)
+        Node numbers: two on the line of one patch, the third on another's.
+    bare : int64 (B, 2)
+        Lower and upper node of the stretches of lines that no triangle has.
     """
+
+    nodes: Nodes
+    triangles: Int64
+    bare: Int64
+
+
+class _Uprights(NamedTuple):
+    """The vertical patches, in the file's order: those of cell c, and their ends."""
 
     start: Int64
     low: Float64
     high: Float64
-    foot: Int64
-    top: Int64
 
 
-def wall_triangles(surface: SurfaceMap, nodes: Nodes, reach: float) -> tuple[Int64, Bool]:
-    """Return the triangles of the walls, and which patches these show from end to end.
+class _Lines(NamedTuple):
+    """The nodes on the line of each vertical patch, ascending, and where each line begins."""
 
-    Returns
-    -------
-    triangles : int64 (T, 3)
-        Node numbers.
-    shown : bool (P,)
+    start: Int64
+    node: Int64
+    height: Float64
+
+
+def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> Walls:
+    """Return the walls of a map.
+
+    Parameters
+    ----------
+    surface
+        The map.
+    nodes
+        Its nodes, as `nodes_of` returns them.
+    reach : float
+        Greatest distance of patches, and of their ends, that are joined.
     """
     ix, iy, start = surface.cells
     patch = np.flatnonzero(nodes.foot != NONE)
-    foot, top = nodes.foot[patch], nodes.top[patch]
-    uprights = Uprights(
-        np.searchsorted(patch, start), nodes.height[foot], nodes.height[top], foot, top
+    uprights = _Uprights(
+        np.searchsorted(patch, start),
+        nodes.height[nodes.foot[patch]],
+        nodes.height[nodes.top[patch]],
     )
-    climbed = np.zeros(len(patch), dtype=np.bool_)
-    triangles = []
+    joined = []
     for dx, dy in (*ACROSS_EDGES, *ACROSS_CORNERS):
         round_corner = np.full((len(ix), 2), NONE)
         if dx and dy:
             round_corner[:, 0] = shifted(ix, iy, dx, 0)
             round_corner[:, 1] = shifted(ix, iy, 0, dy)
-        beyond = shifted(ix, iy, dx, dy)
-        triangles.append(_ladders(uprights, beyond, round_corner, reach, climbed))
-    shown = np.zeros(surface.size, dtype=np.bool_)
-    shown[patch[climbed]] = True
-    return np.concatenate(triangles), shown
+        joined.append(_joined(uprights, shifted(ix, iy, dx, dy), round_corner, reach))
+    pairs = np.concatenate([pair for pair, _ in joined])
+    ends = np.concatenate([end for _, end in joined])
+    nodes, lines = _lines(nodes, patch, pairs, ends)
+    triangles, covered = _climb(lines, pairs, ends)
+    return Walls(nodes, triangles, _bare(lines, covered))
 
 
 @njit(cache=True, nogil=True)
-def _ladders(
-    uprights: Uprights, beyond: Int64, round_corner: Int64, reach: float, climbed: Bool
-) -> Int64:
-    """Return the triangles between each cell's vertical patches and those `beyond` it.
+def _joined(
+    uprights: _Uprights, beyond: Int64, round_corner: Int64, reach: float
+) -> tuple[Int64, Float64]:
+    """Return the pairs of patches joined between each cell and the one `beyond` it.
 
-    `round_corner` are the two cells between, where the cells share a corner alone. Patches that
-    a step runs along are marked in `climbed`.
+    `round_corner` are the two cells between, where the cells share a corner alone. Of each pair,
+    also the part of both that faces the other: lower and upper end of one, and of the other.
     """
-    triangles = np.empty((2 * len(climbed), 3), dtype=np.int64)
-    found = 0
+    size = len(uprights.low)
+    # The lowest and the highest patch that each is joined with, on the two sides in turn.
+    lowest, highest = np.full((2, size), NONE), np.full((2, size), NONE)
+    pairs = [(np.int64(0), np.int64(0)) for _ in range(0)]
     for cell in range(len(beyond)):
         there = beyond[cell]
         if there < 0:
             continue
-        here, end_here = uprights.start[cell], uprights.start[cell + 1]
-        that, end_that = uprights.start[there], uprights.start[there + 1]
-        if here == end_here or that == end_that:
-            continue
-        # Ends of patches are counted from the foot of the lowest: even ones are feet.
-        i = j = 0
-        last_i, last_j = 2 * (end_here - here) - 1, 2 * (end_that - that) - 1
-        while i < last_i or j < last_j:
-            near_side = j == last_j or (
-                i < last_i and _end(uprights, here, i + 1) <= _end(uprights, that, j + 1)
-            )
-            step, opposite = (i, j) if near_side else (j, i)
-            begin, begin_opposite = (here, that) if near_side else (that, here)
-            if step % 2 == 0:
-                patch = begin + step // 2
-                apex = _apex(
-                    uprights,
-                    patch,
-                    begin_opposite,
-                    opposite,
-                    last_j if near_side else last_i,
-                    round_corner[cell],
-                    reach,
-                )
-                if apex != NONE:
-                    triangles[found] = (uprights.foot[patch], uprights.top[patch], apex)
-                    found += 1
-                    climbed[patch] = True
-            if near_side:
-                i += 1
-            else:
-                j += 1
-    return triangles[:found].copy()
+        first = uprights.start[there]
+        for one in range(uprights.start[cell], uprights.start[cell + 1]):
+            while (
+                first < uprights.start[there + 1]
+                and uprights.low[one] - uprights.high[first] > reach
+            ):
+                first += 1
+            for other in range(first, uprights.start[there + 1]):
+                if uprights.low[other] - uprights.high[one] > reach:
+                    break
+                if not _leads_round(uprights, one, other, round_corner[cell], reach):
+                    pairs.append((np.int64(one), np.int64(other)))
+                    lowest[0, one] = other if lowest[0, one] == NONE else lowest[0, one]
+                    lowest[1, other] = one if lowest[1, other] == NONE else lowest[1, other]
+                    highest[0, one], highest[1, other] = other, one
+    ends = np.empty((len(pairs), 4))
+    for k in range(len(pairs)):
+        here, facing = pairs[k]
+        for side, mine, others in ((0, here, facing), (1, facing, here)):
+            low, high = uprights.low[mine], uprights.high[mine]
+            if lowest[side, mine] != others:
+                low = min(max(low, uprights.low[others]), high)
+            if highest[side, mine] != others:
+                high = max(min(high, uprights.high[others]), low)
+            ends[k, 2 * side], ends[k, 2 * side + 1] = low, high
+        low, high = max(ends[k, 0], ends[k, 2]), min(ends[k, 1], ends[k, 3])
+        for side in (0, 2):
+            if low - ends[k, side] > reach:
+                ends[k, side] = min(low, ends[k, side + 1])
+            if ends[k, side + 1] - high > reach:
+                ends[k, side + 1] = max(high, ends[k, side])
+    found = np.empty((len(pairs), 2), dtype=np.int64)
+    for k, pair in enumerate(pairs):
+        found[k] = pair
+    return found, ends
 
 
 @njit(cache=True, nogil=True)
-def _end(uprights: Uprights, begin: int, number: int) -> float:
-    """Return the height of an end, counted from the foot of patch `begin`."""
-    patch = begin + number // 2
-    end: float = uprights.low[patch] if number % 2 == 0 else uprights.high[patch]
-    return end
-
-
-@njit(cache=True, nogil=True)
-def _apex(
-    uprights: Uprights,
-    patch: int,
-    begin: int,
-    reached: int,
-    last: int,
-    round_corner: Int64,
-    reach: float,
-) -> int:
-    """Return the node that a step along `patch` makes a triangle with; -1: none.
-
-    Where the other side has reached a space between two patches, it is the end of the one that
-    is nearer to `patch`, or overlaps it more (equal: of the one reached).
-    """
-    other = begin + reached // 2
-    node: int = uprights.foot[other] if reached % 2 == 0 else uprights.top[other]
-    if 0 < reached < last:
-        beyond = other - 1 if reached % 2 == 0 else other + 1
-        if _space(uprights, patch, beyond) < _space(uprights, patch, other):
-            node = uprights.top[beyond] if reached % 2 == 0 else uprights.foot[beyond]
-            other = beyond
-    if _space(uprights, patch, other) > reach:
-        return NONE
+def _leads_round(
+    uprights: _Uprights, one: int, other: int, round_corner: Int64, reach: float
+) -> bool:
+    """Tell whether a patch beside two that share a corner alone is joined with both."""
     for cell in round_corner:
         if cell >= 0:
             for between in range(uprights.start[cell], uprights.start[cell + 1]):
                 if (
-                    _space(uprights, patch, between) <= reach
+                    _space(uprights, one, between) <= reach
                     and _space(uprights, between, other) <= reach
                 ):
-                    return NONE
-    return node
+                    return True
+    return False
 
 
 @njit(cache=True, nogil=True)
-def _space(uprights: Uprights, one: int, other: int) -> float:
+def _space(uprights: _Uprights, one: int, other: int) -> float:
     """Return how far apart two vertical patches are; below 0: by how much they overlap."""
     low = max(uprights.low[one], uprights.low[other])
     high = min(uprights.high[one], uprights.high[other])
     space: float = low - high
     return space
+
+
+def _lines(nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64) -> tuple[Nodes, _Lines]:
+    """Return the nodes with the cuts that the ends of pairs make, and the lines of all patches."""
+    upright = np.full(len(nodes.top), NONE)
+    upright[patch] = np.arange(len(patch))
+    own = np.flatnonzero(upright[nodes.patch] != NONE)
+    line = np.concatenate((upright[nodes.patch[own]], np.repeat(pairs, 2, axis=1).ravel()))
+    height = np.concatenate((nodes.height[own], ends.ravel() + 0.0))
+    node = np.concatenate((own, np.full(ends.size, NONE)))
+    # What was there before comes first among equals, and stays.
+    order = np.lexsort((-node, height, line))
+    line, height, node = line[order], height[order], node[order]
+    new = np.ones(len(line), dtype=np.bool_)
+    new[1:] = (line[1:] != line[:-1]) | (height[1:] != height[:-1])
+    line, height, node = line[new], height[new], node[new]
+    cuts = np.flatnonzero(node == NONE)
+    node[cuts] = len(nodes.height) + np.arange(len(cuts))
+    grown = nodes._replace(
+        patch=np.concatenate((nodes.patch, patch[line[cuts]])),
+        height=np.concatenate((nodes.height, height[cuts])),
+        is_joint=np.concatenate((nodes.is_joint, np.ones(len(cuts), dtype=np.bool_))),
+    )
+    return grown, _Lines(np.searchsorted(line, np.arange(len(patch) + 1)), node, height)
+
+
+@njit(cache=True, nogil=True)
+def _climb(lines: _Lines, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
+    """Return the triangles between the facing parts of pairs, and which stretches they have.
+
+    From the lower ends upward, the side whose next vertex is lower goes first (equal: either).
+    """
+    triangles = [(np.int64(0), np.int64(0), np.int64(0)) for _ in range(0)]
+    covered = np.zeros(len(lines.node), dtype=np.bool_)
+    for k in range(len(pairs)):
+        i, last_i = _at(lines, pairs[k, 0], ends[k, 0]), _at(lines, pairs[k, 0], ends[k, 1])
+        j, last_j = _at(lines, pairs[k, 1], ends[k, 2]), _at(lines, pairs[k, 1], ends[k, 3])
+        while i < last_i or j < last_j:
+            if j == last_j or (i < last_i and lines.height[i + 1] <= lines.height[j + 1]):
+                triangles.append((lines.node[i], lines.node[i + 1], lines.node[j]))
+                covered[i] = True
+                i += 1
+            else:
+                triangles.append((lines.node[j], lines.node[j + 1], lines.node[i]))
+                covered[j] = True
+                j += 1
+    found = np.empty((len(triangles), 3), dtype=np.int64)
+    for k, triangle in enumerate(triangles):
+        found[k] = triangle
+    return found, covered
+
+
+@njit(cache=True, nogil=True)
+def _at(lines: _Lines, line: int, height: float) -> int:
+    """Return the position of the vertex of a line at a height."""
+    begin, end = lines.start[line], lines.start[line + 1]
+    position: int = begin + np.searchsorted(lines.height[begin:end], height)
+    return position
+
+
+def _bare(lines: _Lines, covered: Bool) -> Int64:
+    """Return the lower and upper node of what is not covered of each line, in one piece each."""
+    is_last = np.zeros(len(lines.node) + 1, dtype=np.bool_)
+    is_last[lines.start[1:] - 1] = True
+    open_ = np.concatenate(([False], ~covered & ~is_last[:-1], [False]))
+    begin = np.flatnonzero(open_[1:-1] & ~open_[:-2])
+    end = np.flatnonzero(open_[1:-1] & ~open_[2:])
+    return np.column_stack((lines.node[begin], lines.node[end + 1]))

@@ -7,7 +7,9 @@ is next to it, so colours are looked up by position.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -40,7 +42,11 @@ def test_every_patch_is_drawn_over_all_its_height(seed: int) -> None:
     surface = random_map(rng)
     drawn = edges_in_cells(build_mesh(surface, max_slope=float(rng.uniform(0, 3))), 0.5)
     for patch in patches_of(surface):
-        assert (patch.low, patch.height) in drawn[patch.cell]
+        end = patch.low
+        for low, high in sorted(drawn[patch.cell]):
+            end = high if low == end else end
+        assert end == patch.height
+        assert (end, end) in drawn[patch.cell] or patch.depth > 0
 
 
 @pytest.mark.parametrize("seed", range(100))
@@ -132,15 +138,15 @@ def test_vertices_take_the_origin_and_colour_of_their_patch() -> None:
     surface = house()
     mesh = build_mesh(surface)
     columns = (surface.ix, surface.iy, surface.height, surface.low_end, surface.origin)
-    origins: dict[tuple[int, int, float], set[int]] = {}
+    spans = defaultdict[tuple[int, int], list[tuple[float, float, int]]](list)
     for ix, iy, top, low, origin in zip(*(c.tolist() for c in columns), strict=True):
-        for z in (top, low):
-            origins.setdefault((ix, iy, z), set()).add(origin)
+        spans[ix, iy].append((low, top, origin))
     cells = np.floor(mesh.vertices[:, :2] / surface.cell_size).astype(int).tolist()
     for (ix, iy), z, origin in zip(
         cells, mesh.vertices[:, 2].tolist(), mesh.origin.tolist(), strict=True
     ):
-        assert origin == ROUTE or origin in origins[ix, iy, z]
+        within = {o for low, top, o in spans[ix, iy] if low <= z <= top}
+        assert origin == ROUTE or origin in within
     is_red = (mesh.colours == ARTIFICIAL_RED).all(axis=1)
     assert (is_red == (mesh.origin == ARTIFICIAL)).all()
     assert is_red.any()
@@ -184,10 +190,12 @@ def test_the_route_is_a_green_line_just_above_the_ground(style: Style) -> None:
     )
     mesh = build_mesh(surface, style)
     z = 1.0 + ROUTE_LIFT * 2.0
-    assert mesh.vertices[mesh.lines].tolist() == [
-        [[1.5, 1.0, z], [5.5, 1.5, z]],
-        [[5.5, 1.5, z], [9.0, 1.0, z]],
-    ]
+    route = mesh.vertices[mesh.origin == ROUTE]
+    assert mesh.vertices[mesh.lines].tolist() == [list(leg) for leg in pairwise(route.tolist())]
+    assert [route[0].tolist(), route[-1].tolist()] == [[1.5, 1.0, z], [9.0, 1.0, z]]
+    assert [5.5, 1.5, z] in route.tolist()
+    assert (route[:, 2] == z).all()
+    assert np.linalg.norm(np.diff(route, axis=0), axis=1).max() <= 2.0
     assert (mesh.colours[mesh.lines] == ROUTE_GREEN).all()
     assert (mesh.group(mesh.lines) == ROUTE).all()
 

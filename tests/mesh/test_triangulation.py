@@ -6,7 +6,9 @@ random maps have both; comparing counts alone, so the corners are compared, in t
 
 from __future__ import annotations
 
+from functools import reduce
 from itertools import product
+from operator import add
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ Cell = tuple[int, int]
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
-def nodes_by_cell(surface: SurfaceMap) -> dict[Cell, list[Node]]:
+def nodes_by_cell(surface: SurfaceMap, reach: float) -> dict[Cell, list[Node]]:
     cells: dict[Cell, list[Node]] = {}
     for patch in range(surface.size):
         x, y = int(surface.ix[patch]), int(surface.iy[patch])
@@ -30,7 +32,27 @@ def nodes_by_cell(surface: SurfaceMap) -> dict[Cell, list[Node]]:
         cells.setdefault((x, y), []).append((x, y, top, False, patch))
         if depth > 0:
             cells[x, y].append((x, y, top - depth, True, patch))
+            cells[x, y] += [(x, y, z, True, patch) for z in met_between(surface, patch, reach)]
     return {cell: sorted(nodes) for cell, nodes in cells.items()}
+
+
+def met_between(surface: SurfaceMap, patch: int, reach: float) -> list[float]:
+    """Return the heights at which floors around meet a vertical patch, far from its ends."""
+    low, high = surface.low_end[patch], surface.height[patch]
+    met: list[list[float]] = []
+    for z, other in sorted(zip(surface.height.tolist(), range(surface.size), strict=True)):
+        beside = (
+            abs(surface.ix[other] - surface.ix[patch]),
+            abs(surface.iy[other] - surface.iy[patch]),
+        )
+        if max(beside) != 1 or surface.depth[other] > 0 or not (z - low > reach < high - z):
+            continue
+        if met and z - met[-1][-1] <= reach:
+            met[-1].append(z)
+        else:
+            met.append([z])
+    # Not sum(): newer Pythons compensate its rounding.
+    return [reduce(add, group) / len(group) for group in met]
 
 
 def linked(node: Node, cell: Cell, cells: dict[Cell, list[Node]], reach: float) -> Node | None:
@@ -48,7 +70,7 @@ def linked(node: Node, cell: Cell, cells: dict[Cell, list[Node]], reach: float) 
 
 def reference(surface: SurfaceMap, reach: float) -> set[tuple[Node, ...]]:
     """Return the triangles of every block, each beginning with its least corner."""
-    cells = nodes_by_cell(surface)
+    cells = nodes_by_cell(surface, reach)
     found: set[tuple[Node, ...]] = set()
     for x, y in {(x - dx, y - dy) for (x, y), (dx, dy) in product(cells, CORNERS)}:
         block = [(x + dx, y + dy) for dx, dy in CORNERS]
@@ -98,13 +120,13 @@ def smallest_first(triangle: tuple[Node, ...]) -> tuple[Node, ...]:
 
 
 def triangles_of(surface: SurfaceMap, reach: float) -> list[tuple[Node, ...]]:
-    nodes = nodes_of(surface)
+    nodes = nodes_of(surface, reach)
     link = links(surface, nodes, reach)
     names = [
         (int(surface.ix[p]), int(surface.iy[p]), float(z), bool(foot), int(p))
-        for p, z, foot in zip(nodes.patch, nodes.height, nodes.is_foot, strict=True)
+        for p, z, foot in zip(nodes.patch, nodes.height, nodes.is_joint, strict=True)
     ]
-    found = surface_triangles(link, nodes.height, nodes.is_foot)
+    found = surface_triangles(link, nodes.height, nodes.is_joint)
     return [smallest_first(tuple(names[n] for n in triangle)) for triangle in found.tolist()]
 
 
@@ -130,7 +152,7 @@ def test_the_random_maps_join_floors_tops_and_feet_in_rings_and_chains() -> None
 def test_links_of_two_cells_are_mutual_and_never_cross() -> None:
     for seed in range(100):
         surface = random_map(np.random.default_rng(seed))
-        nodes = nodes_of(surface)
+        nodes = nodes_of(surface, 3.0)
         link = links(surface, nodes, 3.0)
         for side in range(4):
             here = np.flatnonzero(link[:, side] >= 0)

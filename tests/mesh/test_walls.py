@@ -1,7 +1,7 @@
 """Walls: what is joined, without overlaps and cracks.
 
-Ways to pass without being right: to draw nothing, so areas and what is shown are checked; to draw
-twice, so the strip between two cells is cut and the pieces must not overlap.
+Ways to pass without being right: to draw nothing, so areas and what is left bare are checked; to
+draw twice, so the strip between two cells is cut and the pieces must not overlap.
 """
 
 from __future__ import annotations
@@ -12,21 +12,23 @@ import numpy as np
 import pytest
 
 from mlscli.mesh.triangulation import nodes_of
-from mlscli.mesh.walls import wall_triangles
+from mlscli.mesh.walls import walls_of
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Array
 from tests.maps import random_map
-from tests.meshes import Column, a_map
+from tests.meshes import Column, a_map, plane
 
 
 class Walls:
     """The wall triangles of a map, by patches and heights."""
 
     def __init__(self, surface: SurfaceMap, reach: float = 1.0) -> None:
-        nodes = nodes_of(surface)
-        triangles, self.shown = wall_triangles(surface, nodes, reach)
+        nodes, triangles, bare = walls_of(surface, nodes_of(surface, reach), reach)
+        self.triangles = triangles
         self.patch, self.height = nodes.patch[triangles], nodes.height[triangles]
         self.cell = np.stack((surface.ix, surface.iy), axis=1)[self.patch].astype(np.int64)
+        self.bare = nodes.height[bare].tolist()
+        self.bare_patches = nodes.patch[bare[:, 0]].tolist()
 
     @property
     def count(self) -> int:
@@ -49,20 +51,32 @@ def test_two_neighbouring_patches_make_a_quad() -> None:
     walls = Walls(a_map((0, 0, 3, 3), (1, 0, 2.5, 2)))
     assert walls.count == 2
     assert walls.areas.sum() == pytest.approx((3 + 2) / 2)
-    assert walls.shown.all()
+    assert walls.bare == []
 
 
-@pytest.mark.parametrize("low", [2.0, 3.0, 4.0])
-def test_patches_are_joined_up_to_the_reach(low: float) -> None:
-    surface = a_map((0, 0, 2, 2), (0, 1, low + 1, 1))
-    assert Walls(surface, reach=1.0).count == (2 if low <= 3 else 0)
+def test_ends_up_to_the_reach_apart_are_joined_by_a_slope() -> None:
+    walls = Walls(a_map((0, 0, 4, 4), (0, 1, 3, 2)), reach=1.0)
+    assert walls.areas.sum() == pytest.approx((4 + 2) / 2)
+    assert walls.bare == []
+
+
+def test_ends_farther_apart_are_a_step_and_what_stands_above_it_is_bare() -> None:
+    walls = Walls(a_map((0, 0, 4, 4), (0, 1, 2, 2)), reach=1.0)
+    assert walls.areas.sum() == pytest.approx(2)
+    assert walls.bare == [[2, 4]]
+
+
+def test_patches_that_do_not_face_each_other_are_not_joined() -> None:
+    walls = Walls(a_map((0, 0, 2, 2), (0, 1, 5, 2.5)), reach=1.0)
+    assert walls.count == 0
+    assert walls.bare == [[0, 2], [2.5, 5]]
 
 
 def test_a_wall_in_pieces_beside_a_whole_one_has_no_crack() -> None:
     pieces: list[Column] = [(1, 0, 1, 1), (1, 0, 2, 1), (1, 0, 3, 1)]
     walls = Walls(a_map((0, 0, 3, 3), *pieces, (2, 0, 3, 3)))
     assert walls.areas.sum() == pytest.approx(6)
-    assert walls.shown.all()
+    assert walls.bare == []
 
 
 def test_equal_pieces_are_joined_each_with_its_own_kind() -> None:
@@ -76,16 +90,29 @@ def test_equal_pieces_are_joined_each_with_its_own_kind() -> None:
     }
 
 
-def test_a_window_stays_open() -> None:
-    walls = Walls(a_map((0, 0, 3, 3), (1, 0, 1, 1), (1, 0, 3, 1)))
-    assert walls.areas.sum() == pytest.approx(3 - 1 / 2)
-    assert walls.shown.all()
+def test_a_window_is_a_rectangle_from_one_jamb_to_the_other() -> None:
+    pieces: list[Column] = [(x, 0, z, 1) for x in (2, 3) for z in (1, 3)]
+    whole: list[Column] = [(x, 0, 3, 3) for x in (0, 1, 4, 5)]
+    walls = Walls(a_map(*whole, *pieces), reach=0.5)
+    assert walls.areas.sum() == pytest.approx(5 * 3 - 3 * 1)
+    open_heights = (walls.height > 1) & (walls.height < 2)
+    assert not open_heights.any()
+    assert walls.bare == []
 
 
-def test_a_wall_far_below_does_not_hide_one_that_is_near() -> None:
-    walls = Walls(a_map((0, 0, 1, 1), (1, 0, -4, 1), (1, 0, 2.1, 1)), reach=1.5)
-    assert walls.shown.tolist() == [True, False, True]
-    assert walls.count == 2
+def test_a_door_has_an_upright_jamb() -> None:
+    walls = Walls(a_map((0, 0, 3, 3), (1, 0, 3, 1), (2, 0, 3, 3), (3, 0, 3, 3)), reach=0.5)
+    assert walls.areas.sum() == pytest.approx(1 + 1 + 3)
+    assert walls.bare == [[0, 2]]
+
+
+def test_a_floor_that_meets_a_wall_between_its_ends_shares_a_vertex_with_it() -> None:
+    floor = [(x, y, 3.0, 0.0) for x, y, _, _ in plane(3, 3)]
+    surface = a_map(*floor, *[(3, y, 6.0, 6.0) for y in range(3)])
+    walls = Walls(surface)
+    on_wall = walls.patch[walls.height == 3.0]
+    assert set(surface.iy[on_wall].tolist()) == {0, 1, 2}
+    assert walls.areas.sum() == pytest.approx(2 * 6)
 
 
 def test_a_wall_follows_a_corner_without_cutting_it_off() -> None:
@@ -102,17 +129,14 @@ def test_a_diagonal_wall_is_joined_across_corners(other: tuple[int, int]) -> Non
 
 def test_a_wall_on_another_level_is_no_way_round_a_corner() -> None:
     walls = Walls(a_map((0, 0, 3, 3), (1, 1, 3, 3), (1, 0, 20, 3)))
-    assert walls.shown.tolist() == [True, False, True]
+    assert walls.bare_patches == [1]
 
 
 def test_a_wall_joined_with_one_side_only_is_no_way_round_a_corner() -> None:
-    walls = Walls(a_map((0, 0, 3, 3), (1, 1, 5, 2.5), (1, 0, -0.5, 2.5)))
-    assert sorted(map(tuple, np.unique(np.sort(walls.patch, axis=1), axis=0).tolist())) == [
-        (0, 0, 1),
-        (0, 0, 2),
-        (0, 1, 1),
-        (0, 2, 2),
-    ]
+    walls = Walls(a_map((0, 0, 3, 3), (1, 1, 5, 4.5), (1, 0, 0.4, 2.5)), reach=0.05)
+    # The patches in order: (0, 0), (1, 0), (1, 1).
+    joined = {tuple(sorted(set(patches.tolist()))) for patches in walls.patch}
+    assert joined == {(0, 1), (0, 2)}
 
 
 @pytest.mark.parametrize("seed", range(150))
@@ -121,17 +145,23 @@ def test_triangles_join_near_patches_and_never_overlap(seed: int) -> None:
     surface, reach = random_map(rng), float(rng.choice([0.0, 0.3, 2.0]))
     walls = Walls(surface, reach)
     strips: dict[tuple[tuple[int, ...], ...], list[tuple[float, float]]] = {}
-    shown = np.zeros(surface.size, dtype=np.bool_)
+    shown = dict.fromkeys(np.flatnonzero(surface.depth > 0).tolist(), 0.0)
+    seen: set[tuple[int, float]] = set()
     for patch, cell, height in zip(walls.patch, walls.cell, walls.height, strict=True):
         own, same, other = patch.tolist()
         assert own == same
         assert distance(surface, own, other) <= reach
         assert height[0] < height[1]
-        shown[own] = True
+        if (own, height[0]) not in seen:
+            shown[own] += float(height[1] - height[0])
+        seen.add((own, float(height[0])))
         here, there = tuple(cell[0].tolist()), tuple(cell[2].tolist())
         middle = sorted((float(height[0] + height[2]), float(height[1] + height[2])))
         strips.setdefault(tuple(sorted((here, there))), []).append((middle[0], middle[1]))
-    assert (shown == walls.shown).all()
+    for patch, (low, high) in zip(walls.bare_patches, walls.bare, strict=True):
+        shown[patch] += high - low
+    depths = {patch: surface.depth[patch] for patch in shown}
+    assert shown == pytest.approx(depths)
     for cuts in strips.values():
         cuts.sort()
         for (_, high), (low, _) in pairwise(cuts):

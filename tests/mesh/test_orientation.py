@@ -1,0 +1,75 @@
+"""Walls look outward, and alike.
+
+Ways to pass without being right: to look at walls along one axis only, or all of whose triangles
+happen to be numbered alike; a closed room, whose walls must look inward below and cannot tell
+outside a floor on both sides.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from mlscli.mesh import Mesh, build_mesh
+from mlscli.scenes.presets import make
+from mlscli.scenes.truth import truth
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import Float64
+from tests.maps import symmetries, turned_map
+from tests.meshes import Column, a_map, shared_edges
+
+TRUE_SCENES = ("bridge-walls", "planes-walls", "house", "village-thesis", "house-storeys", "stair")
+
+
+def box() -> SurfaceMap:
+    """Return a plain with a block on it: roof, walls, and nothing seen inside."""
+    columns: list[Column] = []
+    for x, y in product(range(12), range(12)):
+        inside, within = (3 <= x <= 8 and 3 <= y <= 8), (4 <= x <= 7 and 4 <= y <= 7)
+        columns.append((x, y, 4.0, 0.0) if within else (x, y, 4.0 * inside, 4.0 * inside))
+    return a_map(*columns)
+
+
+def walls(mesh: Mesh) -> tuple[Float64, Float64]:
+    """Return the centres and the normals of upright triangles."""
+    corners = mesh.vertices[mesh.triangles]
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normal = np.cross(b - a, c - a)
+    upright = np.abs(normal[:, 2]) < 1e-9
+    return corners[upright].mean(axis=1), normal[upright]
+
+
+@pytest.mark.parametrize("turn", list(symmetries()))
+def test_the_walls_of_a_block_look_away_from_it(turn: tuple[bool, bool, bool]) -> None:
+    surface = turned_map(box(), turn)
+    centre, normal = walls(build_mesh(surface))
+    middle = np.array([surface.ix.mean() + 0.5, surface.iy.mean() + 0.5, 2.0])
+    assert len(centre) > 0
+    assert (((centre - middle) * normal).sum(axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("turn", list(symmetries()))
+def test_the_walls_of_a_pit_look_into_it(turn: tuple[bool, bool, bool]) -> None:
+    columns: list[Column] = []
+    for x, y in product(range(12), range(12)):
+        rim, within = (3 <= x <= 8 and 3 <= y <= 8), (4 <= x <= 7 and 4 <= y <= 7)
+        columns.append((x, y, -4.0, 0.0) if within else (x, y, 0.0, 4.0 * rim))
+    surface = turned_map(a_map(*columns), turn)
+    centre, normal = walls(build_mesh(surface))
+    middle = np.array([surface.ix.mean() + 0.5, surface.iy.mean() + 0.5, -2.0])
+    assert (((centre - middle) * normal).sum(axis=1) < 0).all()
+
+
+def test_a_wall_that_stands_free_looks_to_one_side() -> None:
+    mesh = build_mesh(a_map(*[(x, 0, 3.0 + x % 2, 3.0 + x % 2) for x in range(9)]))
+    _, normal = walls(mesh)
+    assert len(set(np.sign(normal[:, 1]).tolist())) == 1
+
+
+@pytest.mark.parametrize("name", TRUE_SCENES)
+def test_triangles_run_through_shared_edges_in_opposite_directions(name: str) -> None:
+    mesh = build_mesh(truth(make(name), 0.15, 0.5, 0.15))
+    for directions in shared_edges(mesh):
+        assert len(directions) != 2 or sum(directions) == 0
