@@ -13,6 +13,7 @@ from mlscli.errors import MlsError
 if TYPE_CHECKING:
     from mlscli.config import Parameters
     from mlscli.config import load as load_parameters
+    from mlscli.io.glb import write_glb
     from mlscli.io.mapfile import read_map, write_map
     from mlscli.io.obj import write_obj
     from mlscli.io.ply import write_ply
@@ -34,6 +35,7 @@ __all__ = [
     "load_parameters",
     "open_recording",
     "read_map",
+    "write_glb",
     "write_map",
     "write_obj",
     "write_ply",
@@ -48,6 +50,7 @@ _HOMES = {
     "build_mesh": ("mlscli.mesh", "build_mesh"),
     "open_recording": ("mlscli.io.recording", "open_recording"),
     "read_map": ("mlscli.io.mapfile", "read_map"),
+    "write_glb": ("mlscli.io.glb", "write_glb"),
     "write_map": ("mlscli.io.mapfile", "write_map"),
     "write_obj": ("mlscli.io.obj", "write_obj"),
     "write_ply": ("mlscli.io.ply", "write_ply"),

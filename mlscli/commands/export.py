@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import click
 
-from mlscli.commands.options import as_json, overwrite
+from mlscli.commands.options import as_json, coloured, overwrite, without_artificial
 from mlscli.errors import UsageError
 
-FORMATS = ("ply", "obj")
+if TYPE_CHECKING:
+    from mlscli.mesh.colours import ColourBy
+
+Format: TypeAlias = Literal["ply", "obj", "glb"]
+FORMATS: tuple[Format, ...] = get_args(Format)
 
 
 @click.command()
@@ -40,20 +44,22 @@ FORMATS = ("ply", "obj")
     metavar="CELLS",
     help="Join neighbouring patches up to this height difference, in cells.  [default: 1.5]",
 )
-@click.option("--no-artificial", is_flag=True, help="Leave out artificial (red) patches.")
+@coloured
+@without_artificial
 @overwrite
 @as_json
 def command(
     source: str | None,
-    kind: Literal["ply", "obj"] | None,
+    kind: Format | None,
     style: Literal["surface", "patches"],
     output: str | None,
     max_slope: float | None,
+    colour: ColourBy,
     no_artificial: bool,
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Write a map as a mesh, for MeshLab, CloudCompare, Blender and the like.
+    """Write a map as a mesh, for MeshLab, CloudCompare, Blender, a browser and the like.
 
     Without MAP the one map (.npz) in the current folder is taken. OBJ comes with a file of
     materials (.mtl) beside it.
@@ -66,6 +72,7 @@ def command(
 
     refuse_existing(target, overwrite=overwrite, sources=[map_file])
 
+    from mlscli.io.glb import write_glb
     from mlscli.io.mapfile import read_map
     from mlscli.io.obj import write_obj
     from mlscli.io.ply import write_ply
@@ -76,8 +83,9 @@ def command(
         style,
         max_slope=MAX_SLOPE if max_slope is None else max_slope,
         artificial=not no_artificial,
+        colour=colour,
     )
-    write = {"ply": write_ply, "obj": write_obj}[kind]
+    write = {"ply": write_ply, "obj": write_obj, "glb": write_glb}[kind]
     write(target, mesh, overwrite=overwrite)
     counts = {
         "vertices": len(mesh.vertices),
@@ -106,12 +114,12 @@ def _the_one_map() -> Path:
     return maps[0]
 
 
-def _format(kind: Literal["ply", "obj"] | None, output: str | None) -> Literal["ply", "obj"]:
+def _format(kind: Format | None, output: str | None) -> Format:
     """Return the format asked for by name or by the output's ending, which must agree."""
-    endings: dict[str, Literal["ply", "obj"]] = {".ply": "ply", ".obj": "obj"}
-    by_ending = None if output is None else endings.get(Path(output).suffix.lower())
+    ending = None if output is None else Path(output).suffix.lower()
+    by_ending = next((name for name in FORMATS if ending == f".{name}"), None)
     if kind and by_ending and kind != by_ending:
         raise UsageError(f"--format {kind}: {output} ends in .{by_ending}; let them agree")
     if output is not None and not (kind or by_ending):
-        raise UsageError(f"{output}: does not end in .ply or .obj; say which with --format")
+        raise UsageError(f"{output}: does not end in .ply, .obj or .glb; say which with --format")
     return kind or by_ending or "ply"

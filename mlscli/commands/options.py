@@ -36,6 +36,19 @@ def configured(command: Command) -> Command:
 
 overwrite = click.option("--overwrite", is_flag=True, help="Replace the output where it exists.")
 
+coloured = click.option(
+    "--color",
+    "colour",
+    type=click.Choice(("height", "origin", "variance", "count", "region", "time")),
+    default="height",
+    show_default=True,
+    help="What colours stand for.",
+)
+
+without_artificial = click.option(
+    "--no-artificial", is_flag=True, help="Leave out artificial (red) patches."
+)
+
 as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 
 

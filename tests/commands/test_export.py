@@ -16,8 +16,8 @@ from click.testing import CliRunner, Result
 from mlscli.commands.export import command
 from mlscli.errors import InputError, OutputError, UsageError
 from mlscli.io.mapfile import write_map
+from mlscli.io.ply import write_ply
 from mlscli.mesh import build_mesh
-from mlscli.surface_map import ARTIFICIAL
 from tests.meshes import house
 
 
@@ -81,6 +81,7 @@ def test_a_file_that_is_no_map_is_named(folder: Path) -> None:
         (["--format", "obj"], {"house.obj", "house.mtl"}),
         (["-o", "a.OBJ"], {"a.OBJ", "a.mtl"}),
         (["-o", "a.ply"], {"a.ply"}),
+        (["-o", "a.glb"], {"a.glb"}),
         (["-o", "a.mesh", "--format", "ply"], {"a.mesh"}),
     ],
 )
@@ -91,14 +92,14 @@ def test_the_format_is_the_one_named_or_the_output_s_ending(
     assert export(*options).exit_code == 0
     assert {file.name for file in set(folder.iterdir()) - before} == files
     written = (folder / options[1]) if options[0] == "-o" else folder / "house.obj"
-    begins_as_ply = written.read_bytes().startswith(b"ply\n")
-    assert begins_as_ply == ("obj" not in str(files).lower())
+    begins = {"obj": b"mtllib ", "glb": b"glTF"}.get(written.suffix.lower()[1:], b"ply\n")
+    assert written.read_bytes().startswith(begins)
 
 
 def test_an_ending_that_says_nothing_is_refused(folder: Path) -> None:
     error = complaint("-o", "a.stl")
     assert isinstance(error, UsageError)
-    assert "a.stl: does not end in .ply or .obj" in str(error)
+    assert "a.stl: does not end in .ply, .obj or .glb" in str(error)
     assert not (folder / "a.stl").exists()
 
 
@@ -109,9 +110,12 @@ def test_options_reach_the_mesh() -> None:
         (["--style", "patches"], build_mesh(surface, "patches")),
         (["--max-slope", "0"], build_mesh(surface, max_slope=0)),
         (["--max-slope", "9"], build_mesh(surface, max_slope=9)),
-        (["--no-artificial"], build_mesh(surface.take(surface.origin != ARTIFICIAL))),
+        (["--color", "origin"], build_mesh(surface, colour="origin")),
+        (["--no-artificial"], build_mesh(surface, artificial=False)),
     ):
         result = export("--json", "--overwrite", *options)
+        write_ply("known.ply", mesh, overwrite=True)
+        assert Path("house.ply").read_bytes() == Path("known.ply").read_bytes()
         assert json.loads(result.stdout) == {
             "file": "house.ply",
             "format": "ply",
