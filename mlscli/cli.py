@@ -26,6 +26,7 @@ from mlscli.errors import ConfigError, MlsError, nearest
 COMMANDS = {
     "build": ("mlscli.commands.build", "Build a map from a recording."),
     "export": ("mlscli.commands.export", "Write a map as a mesh."),
+    "view": ("mlscli.commands.view", "Look at a map in the browser."),
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
     "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth."),
     "synth": ("mlscli.commands.synth", "Make a synthetic flight, and its exact truth."),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import click
 
+from mlscli.commands.maps import the_one_map
 from mlscli.commands.options import as_json, coloured, overwrite, without_artificial
 from mlscli.errors import UsageError
 
@@ -64,7 +65,7 @@ def command(
     Without MAP the one map (.npz) in the current folder is taken. OBJ comes with a file of
     materials (.mtl) beside it.
     """
-    map_file = Path(source) if source is not None else _the_one_map()
+    map_file = Path(source) if source is not None else the_one_map()
     kind = _format(kind, output)
     target = Path(output) if output is not None else Path(f"{map_file.stem}.{kind}")
 
@@ -99,19 +100,6 @@ def command(
     else:
         held = ", ".join(f"{count} {name}" for name, count in counts.items())
         click.echo(f"{target}: {held}")
-
-
-def _the_one_map() -> Path:
-    """Return the only map in the current folder."""
-    from mlscli.io.mapfile import is_map
-
-    maps = sorted(file for file in Path().glob("*.npz") if is_map(file))
-    if not maps:
-        raise UsageError("MAP: no map (.npz) in the current folder; name one")
-    if len(maps) > 1:
-        names = ", ".join(map(str, maps))
-        raise UsageError(f"MAP: {len(maps)} maps in the current folder; name one of {names}")
-    return maps[0]
 
 
 def _format(kind: Format | None, output: str | None) -> Format:

@@ -1,0 +1,26 @@
+"""Which map a command takes where none is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mlscli.errors import UsageError
+
+
+def the_one_map() -> Path:
+    """Return the only map in the current folder.
+
+    Raises
+    ------
+    UsageError
+        Where there is none, or there are several.
+    """
+    from mlscli.io.mapfile import is_map
+
+    maps = sorted(file for file in Path().glob("*.npz") if is_map(file))
+    if not maps:
+        raise UsageError("MAP: no map (.npz) in the current folder; name one")
+    if len(maps) > 1:
+        names = ", ".join(map(str, maps))
+        raise UsageError(f"MAP: {len(maps)} maps in the current folder; name one of {names}")
+    return maps[0]

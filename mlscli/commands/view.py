@@ -1,0 +1,87 @@
+"""`mls view`: a map to look at, in the browser or in a window."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mlscli.commands.maps import the_one_map
+from mlscli.commands.options import overwrite, say
+from mlscli.errors import OutputError, UsageError
+
+if TYPE_CHECKING:
+    from mlscli.surface_map import SurfaceMap
+    from mlscli.typing import Float64
+
+
+@click.command()
+@click.argument("source", required=False, metavar="[MAP]")
+@click.option(
+    "--html",
+    metavar="FILE",
+    help="Write the page here and open nothing; by default it is a temporary file.",
+)
+@click.option(
+    "--points",
+    metavar="SOURCE",
+    multiple=True,
+    help="A recording whose points are shown with the map, read as the map's own was.",
+)
+@click.option("--window", is_flag=True, help="Open a window of Open3D instead, on a desktop.")
+@overwrite
+def command(
+    source: str | None, html: str | None, points: tuple[str, ...], window: bool, overwrite: bool
+) -> None:
+    """Look at a map in the browser.
+
+    Without MAP the one map (.npz) in the current folder is taken. The page is one file, complete in
+    itself, and needs no network.
+    """
+    if window and (html or points):
+        raise UsageError("--window: shows the map alone; leave out --html and --points")
+    map_file = Path(source) if source is not None else the_one_map()
+
+    from mlscli.io.atomic import refuse_existing
+    from mlscli.io.mapfile import read_map
+
+    if html is not None:
+        refuse_existing(html, overwrite=overwrite, sources=[map_file, *points])
+    surface = read_map(map_file)
+    if window:
+        from mlscli.view.window import show
+
+        show(surface, map_file.name)
+        return
+
+    from mlscli.view.page import write_page
+
+    cloud = _points(surface, points) if points else None
+    target = html or str(Path(tempfile.mkdtemp(prefix="mls-view-")) / f"{map_file.stem}.html")
+    counts = write_page(target, surface, title=map_file.stem, points=cloud, overwrite=overwrite)
+    held = ", ".join(f"{count:,} {name}" for name, count in counts.items())
+    click.echo(f"{target}: {held}")
+    if html is None:
+        _open(target)
+
+
+def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
+    """Return the points of recordings, read with the options that the map was built with."""
+    import numpy as np
+
+    from mlscli.io.recording import open_recording
+
+    recording = open_recording(*sources, **surface.meta.get("reading", {}))
+    clouds = [keyframe.points for keyframe in recording.keyframes()]
+    for note in [*recording.notes, *recording.losses]:
+        say(f"mls: {note}")
+    return np.concatenate([np.empty((0, 3)), *clouds])
+
+
+def _open(page: str) -> None:
+    import webbrowser
+
+    if not webbrowser.open(Path(page).resolve().as_uri()):
+        raise OutputError(f"{page}: no browser is found to open it; open it yourself")

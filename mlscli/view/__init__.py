@@ -1,0 +1,1 @@
+"""Maps to look at: a page for the browser, and a window on a desktop."""

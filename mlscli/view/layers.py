@@ -1,0 +1,199 @@
+"""What a map shows: layers of triangles, lines and points, each sorted by when they appear.
+
+Sorted so, the layer up to any keyframe is its beginning: whoever draws it needs no test for every
+triangle to play the flight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.cells import cell_indices, on_grid, pack
+from mlscli.growth import appearing, patch_places
+from mlscli.mesh import ROUTE, Mesh, build_mesh
+from mlscli.mesh.colours import height_colours, height_range, patch_colours
+from mlscli.surface_map import ARTIFICIAL, SurfaceMap
+from mlscli.typing import Bool, Float64, Int32, Int64, UInt8
+
+# An upright triangle has hardly any area seen from above.
+UPRIGHT = 1e-6
+
+# More points than this are thinned out: browsers hold them, but turn them slowly.
+MOST_POINTS = 1_000_000
+
+TRACK_GREY = (128, 128, 136)
+
+
+class Vertices(NamedTuple):
+    """Places and colours that the elements of layers refer to.
+
+    Attributes
+    ----------
+    position : float64 (V, 3)
+        In the map frame.
+    colour : uint8 (V, 3)
+    """
+
+    position: Float64
+    colour: UInt8
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Elements that are shown or hidden together.
+
+    Attributes
+    ----------
+    name : str
+    vertices : str
+        The name of the vertices that it refers to.
+    elements : int64 (E, K)
+        Indices of vertices: 3 of a triangle, 2 of a line, 1 of a point.
+    when : int32 (E,)
+        The keyframe with which each appears, ascending.
+    shown : bool
+        Whether it is to be seen at first.
+    """
+
+    name: str
+    vertices: str
+    elements: Int64
+    when: Int32
+    shown: bool = True
+
+
+class Picture(NamedTuple):
+    """All that is to be seen of a map."""
+
+    vertices: dict[str, Vertices]
+    layers: list[Layer]
+    appearing: Int32
+
+
+def picture(
+    surface: SurfaceMap, points: Float64 | None = None, mesh: Mesh | None = None
+) -> Picture:
+    """Return the layers of a map.
+
+    Parameters
+    ----------
+    surface
+        The map.
+    points : float64 (N, 3), optional
+        Points to be shown with it; of more than a million, every so manieth.
+    mesh : Mesh, optional
+        The map's surfaces and walls; by default as `build_mesh` makes them.
+    """
+    when = appearing(surface)
+    mesh = build_mesh(surface) if mesh is None else mesh
+    vertices = {"mesh": Vertices(mesh.vertices, mesh.colours)}
+    layers = [*_triangles(surface, mesh, when), _ground_route(surface, mesh)]
+    vertices["patches"], patches = _patches(surface, when)
+    vertices["track"], track = _track(surface)
+    layers += [track, *patches]
+    if points is not None:
+        vertices["points"], cloud = _points(surface, points)
+        layers.append(cloud)
+    return Picture(vertices, layers, when)
+
+
+def _triangles(surface: SurfaceMap, mesh: Mesh, appears: Int32) -> list[Layer]:
+    """Return surfaces, walls, and what of both is artificial."""
+    when = appears[_patch_of(surface, mesh.vertices)][mesh.triangles].max(axis=1, initial=0)
+    artificial = mesh.group(mesh.triangles) == ARTIFICIAL
+    upright = _upright(mesh)
+    return [
+        _sorted("surface", "mesh", mesh.triangles, when, ~artificial & ~upright),
+        _sorted("walls", "mesh", mesh.triangles, when, ~artificial & upright),
+        _sorted("artificial", "mesh", mesh.triangles, when, artificial),
+    ]
+
+
+def _patch_of(surface: SurfaceMap, places: Float64) -> Int64:
+    """Return the patch of which each place on a mesh is the nearest end, int64 (V,)."""
+    if not surface.size:
+        return np.zeros(len(places), dtype=np.int64)
+
+    from scipy.spatial import cKDTree
+
+    top = patch_places(surface)
+    foot = np.column_stack((top[:, :2], surface.low_end))
+    _, nearest = cKDTree(np.concatenate((top, foot))).query(places)
+    patch: Int64 = nearest % surface.size
+    return patch
+
+
+def _upright(mesh: Mesh) -> Bool:
+    a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
+    normal = np.cross(b - a, c - a)
+    upright: Bool = np.abs(normal[:, 2]) <= UPRIGHT * np.linalg.norm(normal, axis=1)
+    return upright
+
+
+def _ground_route(surface: SurfaceMap, mesh: Mesh) -> Layer:
+    """Return the route on the ground, each leg with the keyframe that was first at its end."""
+    first = {(x, y): row for row, (_, x, y, _) in reversed([*enumerate(surface.route.tolist())])}
+    legs = mesh.lines[mesh.group(mesh.lines) == ROUTE]
+    ends = mesh.vertices[legs[:, 1], :2].tolist()
+    when = np.array([first.get((x, y), 0) for x, y in ends], dtype=np.int32)
+    return _sorted("route", "mesh", legs, when)
+
+
+def _track(surface: SurfaceMap) -> tuple[Vertices, Layer]:
+    """Return where the craft flew, in the air."""
+    known = np.flatnonzero(np.isfinite(surface.route[:, 1:]).all(axis=1))
+    legs = np.column_stack((np.arange(len(known) - 1), np.arange(1, len(known))))
+    colour = np.tile(np.array(TRACK_GREY, dtype=np.uint8), (len(known), 1))
+    vertices = Vertices(surface.route[known, 1:], colour)
+    return vertices, _sorted("track", "track", legs, known[1:].astype(np.int32))
+
+
+def _patches(surface: SurfaceMap, appears: Int32) -> tuple[Vertices, list[Layer]]:
+    """Return each patch as a point at its height, and each depth as a line beneath it."""
+    upright = np.flatnonzero(surface.depth > 0)
+    top = patch_places(surface)
+    foot = np.column_stack((top[upright, :2], surface.low_end[upright]))
+    height = np.concatenate((top, foot))
+    origin = np.concatenate((surface.origin, surface.origin[upright]))
+    colour = patch_colours(height[:, 2], origin, *height_range(surface))
+    number = np.arange(surface.size)
+    lines = np.column_stack((upright, surface.size + np.arange(len(upright))))
+    return Vertices(height, colour), [
+        _sorted("patches", "patches", number[:, None], appears, shown=False),
+        _sorted("depths", "patches", lines, appears[upright], shown=False),
+    ]
+
+
+def _points(surface: SurfaceMap, points: Float64) -> tuple[Vertices, Layer]:
+    """Return points, each to appear with the first patch of its cell."""
+    points = points[:: -(-len(points) // MOST_POINTS) or 1]
+    vertices = Vertices(points, height_colours(points[:, 2], *height_range(surface)))
+    ix, iy, start = surface.cells
+    when = np.zeros(len(points), dtype=np.int32)
+    on_cells = on_grid(points, surface.cell_size)
+    if surface.size:
+        appears = np.minimum.reduceat(appearing(surface), start[:-1])
+        keys = pack(ix, iy)
+        own = pack(*cell_indices(points[on_cells, :2], surface.cell_size).astype(np.int32).T)
+        place = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
+        when[on_cells] = np.where(keys[place] == own, appears[place], 0)
+    return vertices, _sorted("points", "points", np.arange(len(points))[:, None], when)
+
+
+def _sorted(
+    name: str,
+    vertices: str,
+    elements: Int32 | Int64,
+    when: Int32,
+    chosen: Bool | None = None,
+    *,
+    shown: bool = True,
+) -> Layer:
+    """Return the layer of the chosen elements, in the order in which they appear."""
+    if chosen is not None:
+        elements, when = elements[chosen], when[chosen]
+    order = np.argsort(when, kind="stable")
+    return Layer(name, vertices, elements[order].astype(np.int64), when[order], shown)

@@ -1,0 +1,198 @@
+"""A map as one page for the browser, complete in itself: markup, style, program and data.
+
+The data are arrays, laid one after the other at multiples of eight bytes, deflated and written in
+base64; a header in JSON says where each begins and what it is. Whole numbers that ascend or lie
+close together are kept as differences, which deflate well. Coordinates are float32, relative to
+an origin in the middle of the map: also of a map in UTM coordinates nothing visible is lost.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import zlib
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from mlscli.errors import OutputError
+from mlscli.io.atomic import atomic_write
+from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN, height_range, height_scale
+from mlscli.surface_map import ORIGINS, SurfaceMap
+from mlscli.typing import Array, Float64
+from mlscli.view.layers import Picture, picture
+
+SCRIPTS = ("data.js", "camera.js", "scene.js", "page.js")
+
+# What JavaScript calls the types of arrays.
+_TYPES = {"i4": "Int32Array", "u4": "Uint32Array", "u1": "Uint8Array", "f4": "Float32Array",
+          "f8": "Float64Array"}  # fmt: skip
+
+# Browsers limit the length of a text to 2^29 characters or somewhat less.
+_LARGEST = 400_000_000
+
+# The view at first holds what lies between these percentiles, not every stray patch.
+_PERCENTILES = (1, 99)
+
+
+def write_page(
+    path: str | os.PathLike[str],
+    surface: SurfaceMap,
+    *,
+    title: str = "map",
+    points: Float64 | None = None,
+    overwrite: bool = False,
+) -> dict[str, int]:
+    """Write the page of a map, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The HTML file.
+    surface
+        The map.
+    title : str
+        What the page calls it.
+    points : float64 (N, 3), optional
+        Points to be shown with it.
+    overwrite : bool
+
+    Returns
+    -------
+    dict
+        How many elements each layer has, by its name.
+
+    Raises
+    ------
+    OutputError
+        Where the file exists and `overwrite` is False, it cannot be written, or the map is too
+        large for a page.
+    """
+    shown = picture(surface, points)
+    header, data = _pack(surface, shown, title)
+    if len(data) > _LARGEST:
+        raise OutputError(
+            f"{path}: the page would hold {len(data):,} bytes of data, and browsers take "
+            f"{_LARGEST:,}; crop the map, or choose a larger cell size"
+        )
+    with atomic_write(path, overwrite=overwrite) as stream:
+        stream.write(_filled(header, data))
+    return {layer.name: len(layer.elements) for layer in shown.layers}
+
+
+def _filled(header: dict[str, Any], data: bytes) -> bytes:
+    """Return the page with all that belongs into it."""
+    folder = resources.files("mlscli.view") / "web"
+
+    def part(name: str) -> str:
+        return (folder / name).read_text(encoding="utf-8")
+
+    # No text of the map's can end the element that it stands in.
+    told = json.dumps(header, allow_nan=False).replace("<", "\\u003c")
+    page = part("page.html")
+    for mark, content in (
+        ("/*STYLE*/", part("page.css")),
+        ("/*SCRIPT*/", "\n".join(map(part, SCRIPTS))),
+        ("/*HEADER*/", told),
+    ):
+        page = page.replace(mark, content)
+    before, after = page.split("/*DATA*/")
+    return before.encode() + data + after.encode()
+
+
+def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, Any], bytes]:
+    """Return the header and the data in base64."""
+    pieces = _Pieces()
+    place = shown.vertices["patches"].position
+    low, high = _box(place)
+    origin = (low + high) / 2
+    vertices = {
+        name: {
+            "position": pieces.add((position - origin).astype("<f4")),
+            "colour": pieces.add(colour),
+        }
+        for name, (position, colour) in shown.vertices.items()
+    }
+    layers = [
+        {
+            "name": layer.name,
+            "vertices": layer.vertices,
+            "corners": layer.elements.shape[1],
+            "elements": pieces.add_differences(layer.elements),
+            "when": pieces.add_differences(layer.when),
+            "shown": layer.shown,
+        }
+        for layer in shown.layers
+    ]
+    patches = {
+        name: pieces.add_differences(getattr(surface, name))
+        for name in ("ix", "iy", "first_keyframe", "last_keyframe")
+    }
+    patches |= {
+        name: pieces.add(getattr(surface, name)) for name in ("height", "depth", "origin", "count")
+    }
+    patches["appears"] = pieces.add_differences(shown.appearing)
+    times = surface.route[:, 0]
+    known = np.isfinite(times)
+    header = {
+        "title": title,
+        "frame": surface.frame_id,
+        "cell_size": surface.cell_size,
+        "origin": origin.tolist(),
+        "box": [(low - origin).tolist(), (high - origin).tolist()],
+        "heights": height_range(surface),
+        "scale": [int(channel) for channel in height_scale()[::15].ravel()],
+        "red": ARTIFICIAL_RED,
+        "green": ROUTE_GREEN,
+        "origins": ORIGINS,
+        "keyframes": len(surface.route),
+        "times": (times - times[0]).tolist() if len(times) and known.all() else None,
+        "vertices": vertices,
+        "layers": layers,
+        "patches": patches,
+    }
+    return header, pieces.packed()
+
+
+def _box(place: Float64) -> tuple[Float64, Float64]:
+    """Return the corners of the box that holds most of the places."""
+    if not len(place):
+        return np.zeros(3), np.zeros(3)
+    low, high = np.percentile(place, _PERCENTILES, axis=0)
+    return low, high
+
+
+class _Pieces:
+    """Arrays one after the other, each described by a row: type, begin, length, columns.
+
+    The columns are those of which each holds differences; 0: the numbers are what they are.
+    """
+
+    def __init__(self) -> None:
+        self._compress = zlib.compressobj(6)
+        self._chunks: list[bytes] = []
+        self._size = 0
+
+    def add(self, array: Array, differences: int = 0) -> list[str | int]:
+        """Add the numbers of an array and return the row that describes them."""
+        array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        row: list[str | int] = [_TYPES[array.dtype.str[1:]], self._size, array.size, differences]
+        content = array.tobytes()
+        padding = b"\0" * (-len(content) % 8)
+        self._chunks.append(self._compress.compress(content + padding))
+        self._size += len(content) + len(padding)
+        return row
+
+    def add_differences(self, array: Array) -> list[str | int]:
+        """Add whole numbers, (N,) or (N, C), each as its difference from the one before."""
+        # Differences wrap around, and do so again when they are summed up.
+        whole = array.astype(np.int32)
+        steps = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
+        return self.add(steps, differences=1 if whole.ndim == 1 else whole.shape[1])
+
+    def packed(self) -> bytes:
+        """Return all of it, deflated, in base64."""
+        self._chunks.append(self._compress.flush())
+        return base64.b64encode(b"".join(self._chunks))

@@ -1,0 +1,246 @@
+// The page around the picture: layers, legend, what is under the cursor, the flight, and keys.
+
+const element = (id) => document.getElementById(id);
+const LABELS = {
+  surface: "Surfaces", walls: "Walls", artificial: "Artificial (uncertain)",
+  route: "Route on the ground", track: "Route in the air", patches: "Patches as points",
+  depths: "Depths as lines", points: "Points of the recording",
+};
+const TURN = Math.PI / 36;
+const PLAYING = 12; // seconds that the whole flight takes
+
+async function main() {
+  const map = await load();
+  const canvas = element("canvas");
+  const scene = new Scene(canvas, map);
+  const camera = new Camera(...map.box, map.cell_size);
+  const last = Math.max(map.keyframes - 1, 0);
+  const state = { latest: last, cursor: null, dirty: true, playing: null, background: [1, 1, 1] };
+  const digits = Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(map.cell_size))));
+  const number = (value) => value.toFixed(digits);
+  const redraw = () => { state.dirty = true; };
+
+  function drawn() {
+    if (state.dirty) {
+      state.dirty = false;
+      scene.draw(camera, state.background, state.latest);
+      drawAxes();
+      drawScaleBar();
+      element("readout").textContent = describe();
+    }
+    requestAnimationFrame(drawn);
+  }
+
+  // --- what is under the cursor ---
+
+  function pick() {
+    return state.cursor && scene.pick(camera, ...state.cursor, state.latest);
+  }
+
+  function describe() {
+    const hit = pick();
+    if (!hit) return "";
+    const [x, y, z] = add(hit, map.origin);
+    const at = `x ${number(x)}  y ${number(y)}  z ${number(z)}`;
+    const i = patchAt(map, x, y, z, state.latest);
+    if (i < 0) return at;
+    const { height, depth, origin, count, first_keyframe, last_keyframe } = map.patches;
+    const parts = [`${map.origins[origin[i]]} patch: height ${number(height[i])}`];
+    if (depth[i] > 0) parts.push(`depth ${number(depth[i])}`);
+    if (count[i]) {
+      parts.push(`${count[i]} point${count[i] > 1 ? "s" : ""}`);
+      parts.push(`keyframes ${first_keyframe[i]} to ${last_keyframe[i]}`);
+    }
+    return `${at}\n${parts.join(", ")}`;
+  }
+
+  // --- layers, legend, light ---
+
+  function showLayers() {
+    map.layers.forEach((layer, place) => {
+      const box = Object.assign(document.createElement("input"), {
+        type: "checkbox", id: `layer-${layer.name}`, checked: layer.shown,
+        disabled: !layer.when.length,
+      });
+      box.addEventListener("change", () => { layer.shown = box.checked; redraw(); });
+      const label = document.createElement("label");
+      const held = document.createElement("small");
+      held.textContent = layer.when.length.toLocaleString("en");
+      label.append(box, ` ${LABELS[layer.name]} `, held);
+      label.title = `key ${place + 1}`;
+      element("layers").append(label);
+    });
+  }
+
+  function showLegend() {
+    const colours = [];
+    for (let i = 0; i < map.scale.length; i += 3) {
+      colours.push(`rgb(${map.scale.slice(i, i + 3)})`);
+    }
+    element("heights").style.background = `linear-gradient(to right, ${colours})`;
+    element("lowest").textContent = number(map.heights[0]);
+    element("highest").textContent = number(map.heights[1]);
+    element("red").style.background = `rgb(${map.red})`;
+    element("green").style.background = `rgb(${map.green})`;
+  }
+
+  function setLight(theme) {
+    document.documentElement.dataset.theme = theme;
+    const colour = getComputedStyle(document.body).backgroundColor;
+    state.background = colour.match(/[\d.]+/g).slice(0, 3).map((channel) => channel / 255);
+    redraw();
+  }
+
+  const theme = () => document.documentElement.dataset.theme;
+  const switchLight = () => setLight(theme() === "dark" ? "light" : "dark");
+
+  // --- scale and axes ---
+
+  function drawScaleBar() {
+    const widest = 160 * camera.pixel(canvas.clientHeight);
+    const power = 10 ** Math.floor(Math.log10(widest));
+    const length = [5, 2, 1].find((factor) => factor * power <= widest) * power;
+    element("bar").style.width = `${length / camera.pixel(canvas.clientHeight)}px`;
+    element("length").textContent = `${Number(length.toPrecision(1))}`;
+  }
+
+  function drawAxes() {
+    const { right, up, back } = camera.axes();
+    const arms = ["x", "y", "z"].map((name, i) => ({ name, x: right[i], y: -up[i], z: back[i] }));
+    // What points away from the eye is drawn first.
+    arms.sort((a, b) => a.z - b.z);
+    for (const arm of arms) {
+      const group = element(`axis-${arm.name}`), [line, text] = group.children;
+      group.parentNode.append(group);
+      line.setAttribute("x2", 30 * arm.x);
+      line.setAttribute("y2", 30 * arm.y);
+      text.setAttribute("x", 39 * arm.x);
+      text.setAttribute("y", 39 * arm.y);
+    }
+  }
+
+  // --- the flight ---
+
+  function show(keyframe) {
+    state.latest = Math.max(0, Math.min(last, Math.round(keyframe)));
+    element("slider").value = state.latest;
+    const time = map.times ? `, ${map.times[state.latest].toFixed(1)} s` : "";
+    element("keyframe").textContent = `keyframe ${state.latest} of ${last}${time}`;
+    redraw();
+  }
+
+  function stop() {
+    clearInterval(state.playing);
+    state.playing = null;
+    element("play").textContent = "▶";
+  }
+
+  function play() {
+    if (state.playing !== null) return stop();
+    let at = state.latest === last ? 0 : state.latest;
+    let before = performance.now();
+    element("play").textContent = "❚❚";
+    show(at);
+    state.playing = setInterval(() => {
+      const now = performance.now();
+      at += last * (now - before) / (1000 * PLAYING);
+      before = now;
+      show(at);
+      if (at >= last) stop();
+    }, 40);
+  }
+
+  // --- mouse, touch and keys ---
+
+  const fingers = new Map();
+
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, event);
+  });
+  for (const name of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(name, (event) => fingers.delete(event.pointerId));
+  }
+  canvas.addEventListener("pointerleave", () => { state.cursor = null; redraw(); });
+  canvas.addEventListener("pointermove", (event) => {
+    const before = fingers.get(event.pointerId);
+    state.cursor = fingers.size ? null : [event.offsetX, event.offsetY];
+    if (before) {
+      const right = event.clientX - before.clientX, down = event.clientY - before.clientY;
+      if (fingers.size === 2) pinch(event, before, right / 2, down / 2);
+      else if (event.shiftKey || event.buttons & 6) camera.pan(right, down, canvas.clientHeight);
+      else camera.turn(-right / 200, down / 200);
+      fingers.set(event.pointerId, event);
+    }
+    redraw();
+  });
+
+  function pinch(event, before, right, down) {
+    const [other] = [...fingers.values()].filter((each) => each.pointerId !== event.pointerId);
+    const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
+    camera.zoom(apart(before) / Math.max(apart(event), 1));
+    camera.pan(right, down, canvas.clientHeight);
+  }
+
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    state.cursor = [event.offsetX, event.offsetY];
+    const lines = event.deltaMode === 1 ? 30 : 1;
+    const step = Math.max(-200, Math.min(200, event.deltaY * lines));
+    camera.zoom(1.0015 ** step, pick() || camera.target);
+    redraw();
+  }, { passive: false });
+  canvas.addEventListener("dblclick", () => { camera.target = pick() || camera.target; redraw(); });
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  window.addEventListener("resize", redraw);
+
+  const keys = {
+    ArrowLeft: () => camera.turn(-TURN, 0), ArrowRight: () => camera.turn(TURN, 0),
+    ArrowUp: () => camera.turn(0, TURN), ArrowDown: () => camera.turn(0, -TURN),
+    "+": () => camera.zoom(0.8), "=": () => camera.zoom(0.8), "-": () => camera.zoom(1.25),
+    a: () => camera.pan(40, 0, canvas.clientHeight), d: () => camera.pan(-40, 0, canvas.clientHeight),
+    w: () => camera.pan(0, 40, canvas.clientHeight), s: () => camera.pan(0, -40, canvas.clientHeight),
+    t: () => camera.look(-90, 90), f: () => camera.look(-90, 0), e: () => camera.look(0, 0),
+    r: () => camera.reset(), Home: () => camera.reset(),
+    " ": play, ",": () => show(state.latest - 1), ".": () => show(state.latest + 1),
+    l: switchLight, "?": () => element("help").toggleAttribute("hidden"),
+    Escape: () => element("help").setAttribute("hidden", ""),
+  };
+  window.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const layer = map.layers[Number(event.key) - 1];
+    const act = keys[event.key] || keys[event.key.toLowerCase()];
+    if (layer) element(`layer-${layer.name}`).click();
+    else if (act) act();
+    else return;
+    event.preventDefault();
+    redraw();
+  });
+
+  element("play").addEventListener("click", play);
+  element("slider").addEventListener("input", (event) => { stop(); show(Number(event.target.value)); });
+  element("light").addEventListener("click", switchLight);
+  element("keys").addEventListener("click", keys["?"]);
+  element("close").addEventListener("click", keys["?"]);
+  // A button or box that was clicked must not take the keys that follow.
+  document.addEventListener("click", () => document.activeElement.blur());
+
+  document.title = `${map.title} · mls`;
+  element("title").textContent = map.title;
+  element("about").textContent =
+    `${map.patches.ix.length.toLocaleString("en")} patches, cells of ${map.cell_size}, frame ${map.frame}`;
+  element("slider").max = last;
+  element("flight").hidden = !(last > 0);
+  showLayers();
+  showLegend();
+  setLight(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  show(last);
+  requestAnimationFrame(drawn);
+  document.documentElement.dataset.ready = "yes";
+}
+
+main().catch((error) => {
+  element("failure").textContent = `The map cannot be shown: ${error.message}.`;
+  element("failure").hidden = false;
+  throw error;
+});

@@ -1,0 +1,71 @@
+"""A map in a window of Open3D, on a desktop.
+
+Open3D is large, and needs libraries of the system; it is imported here alone.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from typing import Any
+
+import numpy as np
+
+from mlscli.errors import OutputError
+from mlscli.mesh import build_mesh
+from mlscli.surface_map import SurfaceMap
+
+_INSTEAD = "leave out --window to see the map in the browser"
+
+
+def show(surface: SurfaceMap, title: str) -> None:
+    """Show the surfaces, walls and the route of a map until the window is closed.
+
+    Raises
+    ------
+    OutputError
+        Where there is no display, Open3D cannot be loaded, or it opens no window.
+    """
+    displays = ("DISPLAY", "WAYLAND_DISPLAY")
+    # Open3D would wait for ever for what nobody can see.
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in displays):
+        raise OutputError(
+            f"--window: there is no display ({' and '.join(displays)} are not set); {_INSTEAD}"
+        )
+    open3d = _open3d()
+    mesh = build_mesh(surface)
+    colours = mesh.colours / 255
+    # The window computes in float32: what is far from its origin would tremble.
+    places = mesh.vertices - (np.median(mesh.vertices, axis=0) if len(mesh.vertices) else 0)
+    vectors = open3d.utility.Vector3dVector
+    faces = open3d.geometry.TriangleMesh(
+        vectors(places), open3d.utility.Vector3iVector(mesh.triangles)
+    )
+    faces.vertex_colors = vectors(colours)
+    faces.compute_vertex_normals()
+    lines = open3d.geometry.LineSet(vectors(places), open3d.utility.Vector2iVector(mesh.lines))
+    lines.colors = vectors(colours[mesh.lines[:, 0]])
+    window = open3d.visualization.Visualizer()
+    if not window.create_window(window_name=title):
+        raise OutputError(f"--window: Open3D cannot open a window on this display; {_INSTEAD}")
+    try:
+        options = window.get_render_option()
+        options.mesh_show_back_face = True
+        for shape in (faces, lines):
+            window.add_geometry(shape)
+        window.run()
+    finally:
+        window.destroy_window()
+
+
+def _open3d() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            import open3d
+        except (ImportError, OSError) as error:
+            raise OutputError(f"--window: Open3D cannot be loaded ({error}); {_INSTEAD}") from error
+    # Its own words would stand beside the program's.
+    open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
+    return open3d

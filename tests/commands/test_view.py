@@ -1,0 +1,161 @@
+"""`mls view`, as a user runs it: which file is written, what is opened, what is refused.
+
+Ways to pass without being right: a page that is named and not written; points that are read
+otherwise than the map's were.
+"""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from mlscli.commands.view import command
+from mlscli.errors import OutputError, UsageError
+from mlscli.io.mapfile import write_map
+from tests.meshes import house
+from tests.program import mls
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the current folder, which holds one map, where no browser can be opened."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(webbrowser, "open", lambda _: False)
+    write_map("house.npz", house())
+    return tmp_path
+
+
+def view(*arguments: str) -> Result:
+    return CliRunner().invoke(command, arguments)
+
+
+def test_a_page_that_is_asked_for_is_written_and_not_opened(folder: Path) -> None:
+    result = view("--html", "a.html")
+    assert result.exit_code == 0, result.exception
+    assert result.stdout.startswith("a.html: ")
+    assert " walls" in result.stdout
+    page = (folder / "a.html").read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    assert page.rstrip().endswith("</html>")
+    # Nothing is fetched from anywhere.
+    assert "://" not in page
+    assert "src=" not in page
+    for mark in ("/*STYLE*/", "/*SCRIPT*/", "/*HEADER*/", "/*DATA*/"):
+        assert mark not in page
+
+
+def test_without_a_name_the_browser_opens_a_temporary_page(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+
+    def open_page(url: str) -> bool:
+        opened.append(url)
+        return True
+
+    monkeypatch.setattr(webbrowser, "open", open_page)
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    result = view("house.npz")
+    assert result.exit_code == 0, result.exception
+    (page,) = folder.glob("*/house.html")
+    assert opened == [page.as_uri()]
+
+
+@pytest.mark.usefixtures("folder")
+def test_where_no_browser_opens_the_page_is_named() -> None:
+    result = view()
+    assert isinstance(result.exception, OutputError)
+    page = str(result.exception).partition(":")[0]
+    assert Path(page).read_text().startswith("<!DOCTYPE html>")
+
+
+def test_an_existing_page_is_replaced_only_on_request(folder: Path) -> None:
+    (folder / "a.html").write_text("mine")
+    refused = view("--html", "a.html")
+    assert isinstance(refused.exception, OutputError)
+    assert (folder / "a.html").read_text() == "mine"
+    assert view("--html", "a.html", "--overwrite").exit_code == 0
+    assert (folder / "a.html").read_text() != "mine"
+
+
+def test_points_are_read_as_those_of_the_map_were(folder: Path) -> None:
+    (folder / "cloud.txt").write_text(
+        "".join(f"{x} {-y} {-5}\n" for x in range(9) for y in (1, 2, 3))
+    )
+    options = ("--up", "-z", "-c", "plain", "--set", "map.cell_size=1", "-o", "map.npz")
+    assert mls("build", "cloud.txt", *options).returncode == 0
+    assert "27 points" in view("map.npz", "--points", "cloud.txt", "--html", "a.html").stdout
+
+    from mlscli.commands.view import _points
+    from mlscli.io.mapfile import read_map
+
+    assert (_points(read_map("map.npz"), ("cloud.txt",))[:, 2] == 5).all()
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("options", [("--html", "a.html"), ("--points", "house.npz")])
+def test_a_window_shows_the_map_alone(options: tuple[str, str]) -> None:
+    assert isinstance(view("--window", *options).exception, UsageError)
+
+
+def test_without_a_display_the_window_is_refused_in_one_line(folder: Path) -> None:
+    done = mls(
+        "view", "house.npz", "--window", cwd=folder, env={"DISPLAY": "", "WAYLAND_DISPLAY": ""}
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("mls: --window: there is no display")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.usefixtures("folder")
+def test_without_open3d_the_window_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setitem(sys.modules, "open3d", None)
+    error = view("--window").exception
+    assert isinstance(error, OutputError)
+    assert "--window: Open3D cannot be loaded" in str(error)
+    assert "leave out --window" in str(error)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_window_is_given_the_whole_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    from mlscli.mesh import build_mesh
+    from mlscli.view import window
+    from tests.meshes import open3d
+
+    package = open3d()
+    shown: list[Any] = []
+
+    class Window:
+        """Keeps what it is given, as a window without a screen."""
+
+        def create_window(self, window_name: str) -> bool:
+            assert window_name == "house.npz"
+            return True
+
+        def get_render_option(self) -> SimpleNamespace:
+            return SimpleNamespace()
+
+        def add_geometry(self, shape: Any) -> None:
+            shown.append(shape)
+
+        def run(self) -> None:
+            shown.append("run")
+
+        def destroy_window(self) -> None:
+            shown.append("closed")
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(package.visualization, "Visualizer", Window)
+    window.show(house(), "house.npz")
+    faces, lines, *rest = shown
+    mesh = build_mesh(house())
+    assert len(faces.triangles) == len(mesh.triangles)
+    assert len(lines.lines) == len(mesh.lines)
+    assert rest == ["run", "closed"]

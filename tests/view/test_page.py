@@ -1,0 +1,268 @@
+"""The page in a real browser, driven as by a user, and looked at.
+
+Ways to pass without being right: a program that fails in silence, so the console is read; boxes
+that change and nothing else, so pixels are counted; a height that comes from the data and not
+from what is seen, so the view is from below, too, and layers are hidden under the cursor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlscli.errors import OutputError
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import Array
+from mlscli.view.page import write_page
+from tests.browser import Browser
+from tests.maps import Patch, map_of
+
+CELL = 0.5
+WIDE, DECK, FAR = 20, 3.0, 12_000_000
+HEIGHT, WIDTH = 600, 1000
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    browser = Browser(tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()
+
+
+def crossing(shift: int = 0) -> SurfaceMap:
+    """Return a sloping ground with a wall, an artificial corner, and a deck over its middle.
+
+    The flight saw the rows of the ground one after the other, and the deck at the end.
+    """
+    patches = []
+    for x in range(-WIDE, WIDE):
+        for y in range(-WIDE, WIDE):
+            artificial = x >= 10 and y >= 10
+            is_wall = x == -10
+            height = 2.0 if is_wall else ground(x)
+            depth = 2.0 - ground(x) if is_wall else 0.0
+            origin = 2 if artificial else 0
+            patches.append(Patch(x + shift, y, height, depth, origin, int(not artificial)))
+            if abs(y) < 5 and abs(x) < 5:
+                patches.append(Patch(x + shift, y, DECK, 0.0, 0, 4))
+    surface = map_of(patches)
+    first = np.where(surface.height == DECK, 2 * WIDE, surface.ix - shift + WIDE)
+    first = np.where(surface.origin == 0, first, -1).astype(np.int32)
+    route = np.zeros((2 * WIDE + 1, 4))
+    route[:, 0] = 100 + np.arange(len(route)) / 2
+    route[:, 1], route[:, 3] = (np.arange(-WIDE, WIDE + 1) + shift) * CELL, 6
+    return replace(surface, first_keyframe=first, last_keyframe=first, route=route)
+
+
+def ground(x: int) -> float:
+    return 0.01 * x
+
+
+@pytest.fixture
+def page(browser: Browser, tmp_path: Path) -> Browser:
+    """Return the browser with the page of the crossing."""
+    return opened(browser, tmp_path / "map.html", crossing())
+
+
+def opened(browser: Browser, path: Path, surface: SurfaceMap) -> Browser:
+    write_page(path, surface, title="<crossing> & more")
+    browser.errors.clear()
+    browser.requests.clear()
+    browser.open(path)
+    return browser
+
+
+def readout(page: Browser, x: float, y: float) -> dict[str, float]:
+    """Return the numbers told of what is under the cursor."""
+    page.mouse("mouseMoved", x, y)
+    told = re.findall(r"\b(x|y|z|height|depth) (-?[\d.]+)", page.text("#readout"))
+    return {name: float(value) for name, value in told}
+
+
+def middle(page: Browser) -> tuple[float, float]:
+    size = page.evaluate("[innerWidth, innerHeight]")
+    return size[0] / 2, size[1] / 2
+
+
+def reddish(picture: Array) -> int:
+    """Count pixels that are shades of the artificial red, outside of the panel."""
+    red, green, blue = np.moveaxis(picture[:, 250:].astype(int), 2, 0)
+    return int(((red > 100) & (green < 0.2 * red) & (blue < 0.3 * red)).sum())
+
+
+def painted(page: Browser) -> int:
+    """Count pixels in colours, which neither the background has nor most of what is around."""
+    picture = page.picture()[:480, 250:].astype(int)
+    return int((picture.max(axis=2) - picture.min(axis=2) > 24).sum())
+
+
+def test_it_loads_without_an_error_and_asks_for_nothing_else(page: Browser, tmp_path: Path) -> None:
+    assert page.text("#title") == "<crossing> & more"
+    assert page.errors == []
+    assert page.requests == [(tmp_path / "map.html").as_uri()]
+    assert not page.evaluate("document.querySelector('#failure').innerText")
+    assert painted(page) > 20_000
+
+
+def test_the_cursor_reads_what_is_seen_from_above_and_from_below(page: Browser) -> None:
+    page.key("t")
+    told = readout(page, *middle(page))
+    # The craft's track, higher still, is no part of the map.
+    assert (told["height"], told["z"]) == (DECK, DECK)
+    page.evaluate("dispatchEvent(new KeyboardEvent('keydown', {key: 'r'}))")
+    for _ in range(40):
+        page.key("ArrowDown")
+    told = readout(page, *middle(page))
+    assert abs(told["height"]) < 0.011
+    assert abs(told["z"]) < 0.011
+    assert page.errors == []
+
+
+def test_the_cursor_reads_the_patch_of_the_cell_under_it(page: Browser) -> None:
+    page.key("t")
+    x, y = middle(page)
+    places = [(x + dx, y + dy) for dx in (-180, -140, 160, 200) for dy in (-150, 0, 150)]
+    for place in places:
+        told = readout(page, *place)
+        assert told["height"] == pytest.approx(ground(int(np.floor(told["x"] / CELL))), abs=1e-3)
+    # Where the cursor moves right, x grows, and where it moves down, y falls.
+    left, right = readout(page, x - 180, y), readout(page, x + 180, y)
+    above, below = readout(page, x + 180, y - 100), readout(page, x + 180, y + 100)
+    assert left["x"] < -CELL < CELL < right["x"]
+    assert below["y"] < right["y"] < above["y"]
+    assert right["y"] == pytest.approx(0, abs=CELL)
+
+
+def test_what_is_hidden_is_not_read(page: Browser) -> None:
+    page.key("t")
+    page.click("#layer-surface")
+    assert readout(page, *middle(page)) == {}
+    page.click("#layer-surface")
+    assert readout(page, *middle(page))["height"] == DECK
+
+
+def test_layers_switch_what_is_seen(page: Browser) -> None:
+    page.key("t")
+    whole, red = painted(page), reddish(page.picture())
+    assert red > 500
+    page.click("#layer-artificial")
+    assert reddish(page.picture()) < red / 20
+    page.click("#layer-artificial")
+    assert reddish(page.picture()) == red
+    for key in "123456":
+        page.key(key)
+    # Of the layers, points alone are left: 4 by 4 pixels each at most.
+    assert 1000 < painted(page) < whole / 2
+    assert page.evaluate("document.querySelector('#layer-patches').checked")
+    page.key("6")
+    assert painted(page) < 100
+
+
+def test_walls_are_seen_from_the_side_and_switched_alone(page: Browser) -> None:
+    page.click("#layer-surface")
+    page.click("#layer-artificial")
+    page.key("f")
+    edge_on = painted(page)
+    page.key("e")
+    told = readout(page, *middle(page))
+    assert told["depth"] == pytest.approx(2.0 - ground(-10), abs=1e-3)
+    assert told["x"] == pytest.approx(-9.5 * CELL, abs=1e-3)
+    broadside = painted(page)
+    assert broadside > 2 * edge_on
+    page.click("#layer-walls")
+    assert painted(page) < broadside / 3
+
+
+def test_the_slider_uncovers_the_map(page: Browser) -> None:
+    page.key("t")
+    slide = (
+        "(() => { const s = document.querySelector('#slider'); s.value = %d;"
+        "s.dispatchEvent(new Event('input')); })()"
+    )
+    grown = []
+    for keyframe in (0, 10, 20, 30):
+        page.evaluate(slide % keyframe)
+        page.settle()
+        assert f"keyframe {keyframe} of 40, {keyframe / 2:.1f} s" == page.text("#keyframe")
+        grown.append(painted(page))
+    assert grown == sorted(set(grown))
+    # The deck comes last: until then the ground is seen, and read, in its place.
+    assert readout(page, *middle(page))["height"] < 0.1
+    page.evaluate(slide % 40)
+    page.settle()
+    assert readout(page, *middle(page))["height"] == DECK
+
+
+def test_the_flight_plays_to_its_end(page: Browser) -> None:
+    page.key(",")
+    page.key(",")
+    assert page.text("#keyframe").startswith("keyframe 38 ")
+    page.key(" ")
+    page.wait("document.querySelector('#play').textContent === '▶'")
+    assert page.text("#keyframe").startswith("keyframe 40 ")
+
+
+def test_dragging_turns_and_the_wheel_zooms_towards_the_cursor(page: Browser) -> None:
+    page.key("t")
+    x, y = middle(page)
+    before = readout(page, x + 150, y + 100)
+    page.mouse("mouseWheel", x + 150, y + 100, deltaX=0, deltaY=-400)
+    after = readout(page, x + 150, y + 100)
+    assert after["x"] == pytest.approx(before["x"], abs=0.05)
+    assert after["y"] == pytest.approx(before["y"], abs=0.05)
+    assert abs(readout(page, x, y)["x"]) > 0.1
+    page.key("r")
+    still = page.picture()
+    page.mouse("mousePressed", x, y, button="left", buttons=1, clickCount=1)
+    page.mouse("mouseMoved", x + 90, y, button="left", buttons=1)
+    page.mouse("mouseReleased", x + 90, y, button="left", clickCount=1)
+    assert (page.picture() != still).any(axis=2).sum() > 10_000
+    assert page.errors == []
+
+
+def test_light_and_dark(page: Browser) -> None:
+    shades = {page.picture()[300, 990].mean()}
+    page.key("l")
+    shades.add(page.picture()[300, 990].mean())
+    assert min(shades) < 60 < 200 < max(shades)
+
+
+def test_far_from_the_origin_nothing_is_lost(browser: Browser, tmp_path: Path) -> None:
+    page = opened(browser, tmp_path / "far.html", crossing(FAR))
+    page.key("t")
+    x, y = middle(page)
+    told = readout(page, x + 180, y)
+    cell = int(np.floor(told["x"] / CELL)) - FAR
+    assert 5 <= cell < WIDE
+    assert told["height"] == pytest.approx(ground(cell), abs=1e-3)
+    assert told["z"] == pytest.approx(0.01 * (told["x"] / CELL - FAR - 0.5), abs=1e-3)
+    assert page.errors == []
+
+
+def test_a_map_without_patches_is_an_empty_page_without_errors(
+    browser: Browser, tmp_path: Path
+) -> None:
+    page = opened(browser, tmp_path / "empty.html", map_of([]))
+    page.key("t")
+    assert readout(page, *middle(page)) == {}
+    assert page.errors == []
+
+
+def test_a_title_cannot_end_the_element_it_stands_in(browser: Browser, tmp_path: Path) -> None:
+    surface = replace(crossing(), frame_id="</script><script>document.title = 'taken'</script>")
+    page = opened(browser, tmp_path / "map.html", surface)
+    assert page.evaluate("document.title") == "<crossing> & more · mls"
+    assert surface.frame_id in page.text("#about")
+
+
+def test_an_existing_page_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "map.html"
+    path.write_text("mine")
+    with pytest.raises(OutputError, match="exists already"):
+        write_page(path, crossing())
+    assert path.read_text() == "mine"
