@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from itertools import pairwise
 from typing import TypeVar
 
@@ -13,6 +15,8 @@ Result = TypeVar("Result")
 # A range worth a thread: below, starting one costs more than it saves. No longer, either, so that
 # an uneven load evens out, and an interrupt need not wait.
 WORTHWHILE = 4096
+
+_thread = threading.local()
 
 
 def in_ranges(
@@ -33,7 +37,9 @@ def in_ranges(
     """
     pieces = max(1, -(-size // WORTHWHILE))
     bounds = [size * piece // pieces for piece in range(pieces + 1)]
-    pool = ThreadPoolExecutor(min(_processors(), pieces))
+    if (stopping := getattr(_thread, "stopping", None)) is not None:
+        return [work(*ends) for ends in pairwise(bounds) if not _stop(stopping)]
+    pool = ThreadPoolExecutor(min(processors(), pieces))
     try:
         futures = [pool.submit(work, *ends) for ends in pairwise(bounds)]
         results = []
@@ -46,7 +52,47 @@ def in_ranges(
         pool.shutdown(cancel_futures=True)
 
 
-def _processors() -> int:
+def in_turn(calls: Iterable[Callable[[], Result]], threads: int) -> Iterator[Result]:
+    """Make calls in several threads and yield what they return, in the order of the calls.
+
+    No more results wait than there are threads. Within a call, `in_ranges` starts no threads of
+    its own, and ends between two ranges when nobody waits for the result any more.
+
+    Parameters
+    ----------
+    calls : iterable of callables
+    threads : int
+        How many calls are made at a time, at most.
+    """
+    stopping = threading.Event()
+    pool = ThreadPoolExecutor(threads, initializer=_take_part, initargs=(stopping,))
+    futures: deque[Future[Result]] = deque()
+    try:
+        for call in calls:
+            futures.append(pool.submit(call))
+            if len(futures) == threads:
+                yield futures.popleft().result()
+        while futures:
+            yield futures.popleft().result()
+    finally:
+        stopping.set()
+        pool.shutdown(cancel_futures=True)
+
+
+def _take_part(stopping: threading.Event) -> None:
+    """Make a thread one of several that make calls in turn."""
+    _thread.stopping = stopping
+
+
+def _stop(stopping: threading.Event) -> bool:
+    """Leave a call that nobody waits for."""
+    if stopping.is_set():
+        raise CancelledError
+    return False
+
+
+def processors() -> int:
+    """Return how many threads can run at a time."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

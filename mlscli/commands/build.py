@@ -14,8 +14,10 @@ from mlscli.commands import dryrun, report
 from mlscli.commands.options import PARTLY_READ, as_json, configured, overwrite, say
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import reading
+from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
+    from mlscli.config import Parameters
     from mlscli.pipeline.builder import Build
     from mlscli.pipeline.change import Change
 
@@ -40,6 +42,12 @@ if TYPE_CHECKING:
     help="Read the first keyframes only, and say what the build would do and how long it would "
     "take; write nothing.",
 )
+@click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Evaluate the map tile by tile in N threads. The map is the same.",
+)
 @configured
 @reading
 @overwrite
@@ -49,6 +57,7 @@ def command(
     output: str | None,
     growing: bool,
     dry_run: bool,
+    jobs: int | None,
     config: str | None,
     settings: tuple[str, ...],
     overwrite: bool,
@@ -68,6 +77,7 @@ def command(
 
     begin = time.perf_counter()
     parameters = load(config, settings)
+    _check_together(parameters, growing, jobs)
     target = output or default_output(sources[0])
     refuse_existing(target, overwrite=overwrite, sources=sources)
     if dry_run:
@@ -81,7 +91,7 @@ def command(
     from mlscli.pipeline.builder import build
 
     with ProgressBar() as progress:
-        built = build(recording, parameters, progress, _nobody if growing else None)
+        built = build(recording, parameters, progress, _nobody if growing else None, jobs)
     write_map(target, built.surface, overwrite=overwrite)
     for note in recording.notes:
         if note not in notes:
@@ -99,6 +109,14 @@ def default_output(source: str) -> str:
     path = Path(source).resolve()
     # A folder's name has no ending to take off.
     return f"{path.name if path.is_dir() else path.stem}.npz"
+
+
+def _check_together(parameters: Parameters, growing: bool, jobs: int | None) -> None:
+    """Refuse options that say how to evaluate a map that grows by batches."""
+    if jobs is not None and parameters.mode == "sequential":
+        raise UsageError("--jobs: a sequential map is made batch by batch; set mode=consistent")
+    if jobs is not None and growing:
+        raise UsageError("--jobs: a map that is --growing is made batch by batch; leave one out")
 
 
 def _nobody(change: Change) -> None:

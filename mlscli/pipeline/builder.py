@@ -24,6 +24,7 @@ from mlscli.pipeline.change import Change, points_in
 from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
+from mlscli.pipeline.tilewise import in_threads
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64
 
@@ -65,6 +66,8 @@ class MapBuilder:
         Called after every batch with the `Change` that it made: patches removed, patches added.
         `finish` makes no more changes that it tells, only what the stages do that need the whole
         map.
+    jobs : int, optional
+        Evaluate the map in tiles, in so many threads, where it is made in one pass in the end.
 
     Raises
     ------
@@ -88,6 +91,7 @@ class MapBuilder:
         reading: Mapping[str, Any] | None = None,
         progress: Progress | None = None,
         follow: Follower | None = None,
+        jobs: int | None = None,
     ) -> None:
         self.parameters = parameters
         self.report = Report()
@@ -95,6 +99,7 @@ class MapBuilder:
         self._reading = dict(reading or {})
         self._progress = progress
         self._follow = follow
+        self._jobs = jobs
         self._pipeline = Pipeline(parameters, frame_id, self.report)
         self._waiting: list[Keyframe] = []
         self._waiting_points = 0
@@ -137,10 +142,7 @@ class MapBuilder:
         """Process what waits, run the stages that need the whole map, and return the map."""
         if self._waiting:
             self._process_waiting()
-        if self._growing is None:
-            surface = self._pipeline.in_one_pass(self._unseen(), self._progress)
-        else:
-            surface = self._up_to_date()
+        surface = self._at_once() if self._growing is None else self._up_to_date()
         return self._described(self._pipeline.finished(surface, self._progress))
 
     def _wait(self, keyframe: Keyframe) -> None:
@@ -175,6 +177,13 @@ class MapBuilder:
         if self._follow is not None:
             self._follow(change)
         return change
+
+    def _at_once(self) -> SurfaceMap:
+        """Return the map that one pass makes of all points, in as many threads as wanted."""
+        points = self._unseen()
+        if self._jobs is None:
+            return self._pipeline.in_one_pass(points, self._progress)
+        return in_threads(self._pipeline, points, self._jobs, self._progress)
 
     def _seed(self) -> GrowingMap:
         """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
@@ -218,6 +227,7 @@ def build(
     parameters: Parameters | None = None,
     progress: Progress | None = None,
     follow: Follower | None = None,
+    jobs: int | None = None,
 ) -> Build:
     """Build the map of a recording.
 
@@ -231,6 +241,8 @@ def build(
         Called with what is being done, how much is done, and how much there is, or None.
     follow : callable, optional
         Called after every batch with the `Change` that it made, as for `MapBuilder`.
+    jobs : int, optional
+        Evaluate the map in tiles, in so many threads; it is the same.
 
     Returns
     -------
@@ -262,6 +274,7 @@ def build(
         reading=recording.options,
         progress=progress,
         follow=follow,
+        jobs=jobs,
     )
     for keyframe in keyframes:
         builder.add(keyframe)
@@ -288,9 +301,10 @@ def build_map(
     parameters: Parameters | None = None,
     progress: Progress | None = None,
     follow: Follower | None = None,
+    jobs: int | None = None,
 ) -> SurfaceMap:
     """Build the map of a recording; as `build`, without the account."""
-    return build(recording, parameters, progress, follow).surface
+    return build(recording, parameters, progress, follow, jobs).surface
 
 
 def _read(recording: Recording, report: Report, progress: Progress | None) -> Iterator[Keyframe]:

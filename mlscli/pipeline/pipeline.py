@@ -7,6 +7,7 @@ where a batch can change something (`growing`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from itertools import takewhile
 
@@ -98,6 +99,19 @@ class Pipeline:
         after = self.transformed(stage, surface, progress)
         self.report.drop(stage.name, points_in(surface) - points_in(after))
         return after
+
+    def reporting_to(self, report: Report) -> Pipeline:
+        """Return the same stages with another account."""
+        other = copy(self)
+        other.report = report
+        return other
+
+    @property
+    def reach(self) -> int:
+        """How many cells away a point can change the map, but for the final stages."""
+        reaches = [stage.reach(self.cell_size) for stage in self.point_stages]
+        reaches += [stage.reach(self.cell_size) or 0 for stage in self.map_stages]
+        return sum(reaches)
 
     # --- the steps, timed; what they drop is counted by those who know where they are taken ---
 

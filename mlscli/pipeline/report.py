@@ -38,6 +38,12 @@ class Report:
         if not self.dropped[reason]:
             del self.dropped[reason]
 
+    def add(self, part: Report) -> None:
+        """Add the account of a part of the work, but for batches and points read."""
+        for reason, points in part.dropped.items():
+            self.drop(reason, points)
+        self.seconds.update(part.seconds)
+
     @contextmanager
     def timed(self, what: str) -> Iterator[None]:
         """Add the time that a block takes to what it is spent on."""

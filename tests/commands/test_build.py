@@ -156,6 +156,14 @@ def test_headers_without_times_are_told_with_the_option_that_helps(folder: Path)
     assert hint not in helped.stderr
 
 
+def test_threads_make_the_same_file(folder: Path) -> None:
+    for name, options in {"a": (), "b": ("--jobs", "1"), "c": ("--jobs", "3")}.items():
+        done = mls("build", "flight.txt", "-o", f"{name}.npz", *options, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    files = [(folder / f"{name}.npz").read_bytes() for name in "abc"]
+    assert files[0] == files[1] == files[2]
+
+
 BAD_INPUT = {
     "no such file": (["nosuch.bag"], 1, "nosuch.bag: "),
     "a folder without a bag": (["empty"], 1, "metadata.yaml"),
@@ -184,6 +192,13 @@ BAD_INPUT = {
     "an axis that is none": (["flight.txt", "--up", "w"], 2, "--up w"),
     "a crop of five numbers": (["flight.txt", "--crop", "0,1,0,1,0"], 2, "xmin,xmax"),
     "columns without z": (["flight.txt", "--columns", "x,y,-,keyframe"], 2, "--columns"),
+    "threads for a sequential map": (
+        ["flight.txt", "--jobs", "2", "--set", "mode=sequential"],
+        2,
+        "--jobs",
+    ),
+    "threads for a growing map": (["flight.txt", "--jobs", "2", "--growing"], 2, "--jobs"),
+    "no thread": (["flight.txt", "--jobs", "0"], 2, "--jobs"),
     "an unknown option": (["flight.txt", "--cellsize", "1"], 2, "--cellsize"),
     "no source": ([], 2, "SOURCE"),
     "a limit below another": (
