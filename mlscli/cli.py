@@ -27,6 +27,7 @@ COMMANDS = {
     "build": ("mlscli.commands.build", "Build a map from a recording."),
     "export": ("mlscli.commands.export", "Write a map as a mesh."),
     "view": ("mlscli.commands.view", "Look at a map in the browser."),
+    "plot": ("mlscli.commands.plot", "Draw a map from above, cut upright, or beside another."),
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
     "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth."),
     "synth": ("mlscli.commands.synth", "Make a synthetic flight, and its exact truth."),

@@ -1,0 +1,223 @@
+"""A map from above: shaded relief, the route, a scale bar."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mlscli.errors import UsageError
+from mlscli.mesh.colours import (
+    ARTIFICIAL_RED,
+    ROUTE_GREEN,
+    ColourBy,
+    Paint,
+    height_scale,
+    origin_colours,
+)
+from mlscli.plot.relief import Frame, frame_of, picture, shown_patches
+from mlscli.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
+from mlscli.typing import Float64, Int64
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PAPER = "#ffffff"
+INK = "#222222"
+
+# Inches along the longer side of what is shown.
+LONGER_SIDE = 7.5
+
+
+def plot_above(
+    surface: SurfaceMap,
+    *,
+    level: int | None = None,
+    colour: ColourBy = "height",
+    artificial: bool = True,
+    title: str = "",
+) -> Figure:
+    """Return a picture of a map from above.
+
+    Parameters
+    ----------
+    surface
+        The map.
+    level : int, optional
+        Of the patches of each cell, the one that this number counts from below, from 1 on; without
+        it the highest. Where another lies beneath it, a dotted line runs around.
+    colour
+        What colours stand for, as in meshes.
+    artificial
+        Whether artificial patches are shown.
+    title
+        What is written above it.
+
+    Raises
+    ------
+    UsageError
+        Where the map has no patches, or no cell has as many levels.
+    """
+    paint = Paint(surface, colour)
+    if not artificial:
+        surface = surface.take(surface.origin != ARTIFICIAL)
+    frame = frame_of(surface)
+    shown = shown_patches(surface, frame, level)
+    if not (shown >= 0).any():
+        most = int(np.diff(surface.cells.start).max())
+        raise UsageError(f"--level {level}: no cell has as many; this map has up to {most}")
+    west, east, south, north = frame.extent
+    longer = max(east - west, north - south)
+    side = LONGER_SIDE / longer
+    width, length = max((east - west) * side, 2.5), max((north - south) * side, 2.0)
+    figure = new_figure(width + 1.9, length + 1.3)
+    axes = figure.add_subplot()
+    draw_above(axes, surface, shown, frame, paint)
+    axes.set_title(title, fontsize=10, color=INK)
+    _add_legend(axes, surface, shown, paint)
+    if paint.scale is not None and paint.scale.high > paint.scale.low:
+        add_colourbar(figure, axes, paint)
+    return figure
+
+
+def new_figure(width: float, length: float) -> Figure:
+    """Return an empty figure of a size in inches, with a little room around."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    layout = ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.1)
+    return Figure(figsize=(width, length), facecolor=PAPER, layout=layout)
+
+
+def draw_above(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame, paint: Paint) -> None:
+    """Draw the patches shown, the route over them, and a scale bar."""
+    extent = frame.extent
+    image = picture(surface, shown, frame, paint)
+    axes.imshow(image, extent=extent, origin="lower", interpolation="nearest", zorder=1)
+    axes.set_facecolor("#eeeeea")
+    _draw_beneath(axes, surface, shown, frame)
+    position = route_of(surface)
+    axes.plot(position[:, 0], position[:, 1], color="white", linewidth=2.6, zorder=3)
+    axes.plot(position[:, 0], position[:, 1], color=as_colour(ROUTE_GREEN), linewidth=1.5, zorder=4)
+    axes.set_xlim(extent[0], extent[1])
+    axes.set_ylim(extent[2], extent[3])
+    axes.set_aspect("equal")
+    axes.tick_params(labelsize=8, colors=INK, length=3)
+    for spine in axes.spines.values():
+        spine.set_color("#999999")
+    _add_scale_bar(axes, extent)
+
+
+def route_of(surface: SurfaceMap) -> Float64:
+    """Return the positions of the craft that are known, (K, 3)."""
+    position = surface.route[:, 1:]
+    return position[np.isfinite(position).all(axis=1)]
+
+
+def as_colour(rgb: tuple[int, int, int]) -> tuple[float, float, float]:
+    """Return a colour as matplotlib takes it."""
+    return rgb[0] / 255, rgb[1] / 255, rgb[2] / 255
+
+
+def add_colourbar(figure: Figure, axes: Axes | list[Axes], paint: Paint) -> None:
+    """Add what the colours stand for."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    assert paint.scale is not None
+    colours = ScalarMappable(
+        Normalize(paint.scale.low, paint.scale.high), ListedColormap(height_scale() / 255)
+    )
+    bar = figure.colorbar(colours, ax=axes, shrink=0.75, aspect=28, pad=0.02)
+    bar.set_label(paint.scale.label, fontsize=8, color=INK)
+    bar.ax.tick_params(labelsize=8, colors=INK, length=3)
+    bar.outline.set_linewidth(0)
+
+
+def _draw_beneath(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame) -> None:
+    """Draw a dotted line around the pixels beneath whose patch another one lies."""
+    first = np.repeat(surface.cells.start[:-1], np.diff(surface.cells.start))
+    over = (shown >= 0) & (shown > np.append(first, 0)[shown])
+    padded = np.pad(over, 1)
+    west, east, south, north = frame.extent
+    x = np.linspace(west, east, frame.width + 1)
+    y = np.linspace(south, north, frame.length + 1)
+    segments = []
+    row, column = np.nonzero(padded[1:-1, 1:] != padded[1:-1, :-1])
+    segments += [((x[c], y[r]), (x[c], y[r + 1])) for r, c in zip(row, column, strict=True)]
+    row, column = np.nonzero(padded[1:, 1:-1] != padded[:-1, 1:-1])
+    segments += [((x[c], y[r]), (x[c + 1], y[r])) for r, c in zip(row, column, strict=True)]
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(
+        LineCollection(segments, colors=INK, linewidths=0.8, linestyles=(0, (1, 1.2)), zorder=2)
+    )
+
+
+def _add_scale_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
+    """Add a bar of a round length, about a fifth of the width."""
+    from matplotlib import patheffects
+
+    west, east, south, north = extent
+    length = round_length((east - west) / 4)
+    x = west + (east - west) * 0.04
+    y = south + (north - south) * 0.045
+    halo = [patheffects.withStroke(linewidth=3, foreground="white")]
+    axes.plot(
+        [x, x + length], [y, y], color=INK, linewidth=3, solid_capstyle="butt", zorder=6,
+        path_effects=[patheffects.withStroke(linewidth=5.5, foreground="white")],
+    )  # fmt: skip
+    axes.annotate(
+        f"{length:g}",
+        (x + length / 2, y),
+        xytext=(0, 4),
+        textcoords="offset points",
+        ha="center",
+        va="bottom",
+        fontsize=8,
+        color=INK,
+        path_effects=halo,
+        zorder=6,
+    )
+
+
+def round_length(most: float) -> float:
+    """Return the greatest of 1, 2 and 5 times a power of ten that is at most so long."""
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(power * digit for digit in (1, 2, 5) if power * digit <= most * (1 + 1e-9))
+
+
+def _add_legend(axes: Axes, surface: SurfaceMap, shown: Int64, paint: Paint) -> None:
+    """Add what is there beside the scale."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    origins = set(np.unique(surface.origin[shown[shown >= 0]]).tolist())
+    measured, plastered, _ = (tuple(colour / 255) for colour in origin_colours())
+    handles: list[Patch | Line2D] = []
+    if paint.by == "origin" and MEASURED in origins:
+        handles.append(Patch(color=measured, label="measured"))
+    if PLASTERED in origins and paint.by in ("height", "origin"):
+        handles.append(Patch(color=plastered, label="plastered"))
+    if ARTIFICIAL in origins and paint.by != "region":
+        handles.append(Patch(color=as_colour(ARTIFICIAL_RED), label="artificial"))
+    if len(route_of(surface)):
+        handles.append(Line2D([], [], color=as_colour(ROUTE_GREEN), linewidth=2, label="route"))
+    if np.diff(surface.cells.start).max(initial=0) > 1:
+        dots = Line2D([], [], color=INK, linewidth=1, linestyle=(0, (1, 1.2)))
+        dots.set_label("another level beneath")
+        handles.append(dots)
+    if handles:
+        axes.legend(
+            handles=handles,
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.055),
+            ncols=5,
+            fontsize=8,
+            frameon=False,
+            labelcolor=INK,
+            handlelength=1.4,
+            columnspacing=1.2,
+        )

@@ -1,0 +1,121 @@
+"""Two maps side by side, with rings around their differences (thesis, figure 6.9)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.ndimage import binary_dilation, find_objects, label
+
+from mlscli.mesh.colours import ColourBy, Paint
+from mlscli.plot.above import INK, LONGER_SIDE, add_colourbar, draw_above, new_figure
+from mlscli.plot.relief import Frame, frame_of, shown_patches
+from mlscli.scoring.comparison import matches, require_same_cells
+from mlscli.surface_map import ARTIFICIAL, SurfaceMap
+from mlscli.typing import Bool
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Heights that differ by more cells than this are ringed: less is not seen in such a picture.
+TOLERANCE = 0.5
+
+# Differences so many pixels apart share a ring.
+TOGETHER = 3
+
+RING = "#d4006e"
+
+
+class Ring(NamedTuple):
+    """A circle in the plane of the map."""
+
+    x: float
+    y: float
+    radius: float
+
+
+def plot_differences(
+    one: SurfaceMap,
+    other: SurfaceMap,
+    *,
+    colour: ColourBy = "height",
+    artificial: bool = True,
+    titles: tuple[str, str] = ("", ""),
+) -> Figure:
+    """Return a picture of two maps of one grid from above, with rings where they differ.
+
+    A ring holds patches that one map only has, or that are another half cell or more higher or
+    lower.
+
+    Parameters
+    ----------
+    one, other
+        The maps.
+    colour, artificial
+        As in `plot_above`.
+    titles
+        What is written above each.
+
+    Raises
+    ------
+    UsageError
+        Where the maps' cells or gaps differ, or both have no patches.
+    """
+    from matplotlib.patches import Circle
+
+    require_same_cells(one, other)
+    paint = Paint(one if one.size else other, colour)
+    if not artificial:
+        one, other = (each.take(each.origin != ARTIFICIAL) for each in (one, other))
+    frame = frame_of(one, other)
+    circles = rings(differing(one, other, frame), frame)
+    west, east, south, north = frame.extent
+    side = LONGER_SIDE / max(east - west, north - south)
+    width, length = max((east - west) * side, 2.5), max((north - south) * side, 2.0)
+    beside = width <= 1.6 * length
+    size = (1.7 * width + 1.6, 0.85 * length + 1) if beside else (width + 1.6, 2 * length + 1.2)
+    figure = new_figure(*size)
+    axes = figure.subplots(*((1, 2) if beside else (2, 1)), sharex=True, sharey=True)
+    for place, surface, title in zip(axes, (one, other), titles, strict=True):
+        draw_above(place, surface, shown_patches(surface, frame), frame, paint)
+        place.set_title(title, fontsize=10, color=INK)
+        for ring in circles:
+            for line, edge in ((3.4, "white"), (1.8, RING)):
+                place.add_patch(
+                    Circle((ring.x, ring.y), ring.radius, fill=False, linewidth=line,
+                           edgecolor=edge, zorder=7)
+                )  # fmt: skip
+    said = f"{len(circles)} place{'' if len(circles) == 1 else 's'} where the maps differ"
+    figure.supxlabel(said, fontsize=9, color=RING if circles else INK)
+    if paint.scale is not None and paint.scale.high > paint.scale.low:
+        add_colourbar(figure, list(axes), paint)
+    return figure
+
+
+def differing(one: SurfaceMap, other: SurfaceMap, frame: Frame) -> Bool:
+    """Tell which pixels, (length, width), hold a patch that the other map has not."""
+    in_one, in_other = matches(one, other)
+    apart = np.abs(one.height[in_one] - other.height[in_other]) > TOLERANCE * one.cell_size
+    found = np.zeros((frame.length, frame.width), dtype=np.bool_)
+    for surface, matched in ((one, in_one), (other, in_other)):
+        differs = np.ones(surface.size, dtype=np.bool_)
+        differs[matched] = apart
+        column, row, inside = frame.pixels(surface)
+        differs &= inside
+        found[row[differs], column[differs]] = True
+    return found
+
+
+def rings(found: Bool, frame: Frame) -> list[Ring]:
+    """Return rings around pixels that are near each other."""
+    square = np.ones((TOGETHER, TOGETHER), dtype=np.bool_)
+    number, _ = label(binary_dilation(found, square), np.ones((3, 3)))
+    number[~found] = 0
+    west, _, south, _ = frame.extent
+    pixel = frame.cells * frame.cell_size
+    circles = []
+    for rows, columns in find_objects(number):
+        x, y = ((part.start + part.stop) / 2 for part in (columns, rows))
+        half = np.hypot(columns.stop - columns.start, rows.stop - rows.start) / 2
+        circles.append(Ring(west + x * pixel, south + y * pixel, float(half + 1.5) * pixel))
+    return circles

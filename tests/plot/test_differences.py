@@ -1,0 +1,70 @@
+"""Rings around what differs between two maps.
+
+Ways to pass without being right: rings anywhere, so their places are known; one ring for all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlscli.errors import UsageError
+from mlscli.plot.differences import differing, plot_differences, rings
+from mlscli.plot.relief import frame_of
+from mlscli.surface_map import SurfaceMap
+from tests.meshes import a_map, plane
+
+FLOOR = a_map(*plane(40, 30), cell_size=0.5)
+
+
+def ringed(one: SurfaceMap, other: SurfaceMap) -> list[tuple[float, float]]:
+    frame = frame_of(one, other)
+    return [(ring.x, ring.y) for ring in rings(differing(one, other, frame), frame)]
+
+
+def raised(by: float, *cells: tuple[int, int]) -> SurfaceMap:
+    height = FLOOR.height.copy()
+    for x, y in cells:
+        height[(FLOOR.ix == x) & (FLOOR.iy == y)] += by
+    return replace(FLOOR, height=height).sorted()
+
+
+def test_equal_maps_have_no_ring() -> None:
+    assert ringed(FLOOR, FLOOR) == []
+
+
+def test_a_patch_that_one_map_only_has_is_ringed_in_the_middle_of_its_cell() -> None:
+    missing = FLOOR.take(~((FLOOR.ix == 20) & (FLOOR.iy == 10)))
+    assert ringed(FLOOR, missing) == [(10.25, 5.25)]
+    assert ringed(missing, FLOOR) == [(10.25, 5.25)]
+
+
+def test_heights_are_ringed_from_half_a_cell_on() -> None:
+    assert ringed(FLOOR, raised(0.24, (5, 5))) == []
+    assert ringed(FLOOR, raised(0.26, (5, 5))) == [(2.75, 2.75)]
+
+
+def test_what_is_near_shares_a_ring_and_what_is_far_has_its_own() -> None:
+    assert len(ringed(FLOOR, raised(1, (5, 5), (6, 6), (30, 20)))) == 2
+
+
+def test_a_ring_holds_all_that_differs() -> None:
+    cells = ((5, 5), (6, 7), (7, 8))
+    frame = frame_of(FLOOR)
+    (ring,) = rings(differing(FLOOR, raised(1, *cells), frame), frame)
+    corners = np.array([(x + dx, y + dy) for x, y in cells for dx in (0, 1) for dy in (0, 1)]) * 0.5
+    assert (np.hypot(*(corners - (ring.x, ring.y)).T) <= ring.radius).all()
+
+
+def test_the_picture_says_how_many_places_differ() -> None:
+    figure = plot_differences(FLOOR, raised(1, (5, 5), (30, 20)), titles=("a", "b"))
+    assert figure.get_supxlabel() == "2 places where the maps differ"
+    assert [axes.get_title() for axes in figure.axes[:2]] == ["a", "b"]
+    assert len(figure.axes[0].patches) == len(figure.axes[1].patches) == 4
+
+
+def test_maps_of_other_cells_are_refused() -> None:
+    with pytest.raises(UsageError, match="cell_size"):
+        plot_differences(FLOOR, a_map((0, 0, 0, 0)))
