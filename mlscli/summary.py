@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
 
+from mlscli.stored_map import StoredMap, head_of, parts_of
 from mlscli.surface_map import ORIGINS, SurfaceMap
 
 
-def describe(surface: SurfaceMap) -> dict[str, Any]:
+def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
     """Return patches by origin, levels, extents and area of a map, ready for JSON.
 
     Returns
@@ -20,34 +22,53 @@ def describe(surface: SurfaceMap) -> dict[str, Any]:
         bounds of x, y (edges of cells) and z, None for an empty map; ``area``: of the occupied
         cells, in the square of the unit.
     """
-    levels = np.bincount(np.diff(surface.cells.start), minlength=1)
-    counted = np.bincount(surface.origin, minlength=len(ORIGINS))
-    cells = len(surface.cells.ix)
+    head = head_of(surface)
+    counted = dict.fromkeys(("total", *ORIGINS, "vertical"), 0)
+    levels: Counter[int] = Counter()
+    extents = []
+    regions = 0
+    for part in parts_of(surface):
+        counted["total"] += part.size
+        for origin, name in enumerate(ORIGINS):
+            counted[name] += int(np.count_nonzero(part.origin == origin))
+        counted["vertical"] += int(np.count_nonzero(part.depth > 0))
+        for level, count in enumerate(np.bincount(np.diff(part.cells.start)).tolist()):
+            levels[level] += count
+        extents += _extent(part)
+        regions = max(regions, int(part.region.max(initial=-1)) + 1)
+    cells = sum(levels.values())
     return {
-        "patches": {
-            "total": surface.size,
-            **{name: int(count) for name, count in zip(ORIGINS, counted, strict=True)},
-            "vertical": int(np.count_nonzero(surface.depth > 0)),
-        },
+        "patches": counted,
         "cells": cells,
-        "levels": {str(n): int(count) for n, count in enumerate(levels) if n and count},
-        "extent": _extent(surface),
-        "area": cells * surface.cell_size**2,
-        "regions": int(surface.region.max(initial=-1)) + 1,
-        "cell_size": surface.cell_size,
-        "gap_size": surface.gap_size,
-        "thickness": surface.thickness,
-        "frame_id": surface.frame_id,
-        "keyframes": len(surface.route),
+        "levels": {str(n): count for n, count in sorted(levels.items()) if n and count},
+        "extent": _hull(extents),
+        "area": cells * head.cell_size**2,
+        "regions": regions,
+        "cell_size": head.cell_size,
+        "gap_size": head.gap_size,
+        "thickness": head.thickness,
+        "frame_id": head.frame_id,
+        "keyframes": len(head.route),
     }
 
 
-def _extent(surface: SurfaceMap) -> dict[str, list[float]] | None:
+def _extent(surface: SurfaceMap) -> list[tuple[list[float], list[float]]]:
+    """Return the least and the greatest x, y and z; nothing for an empty map."""
     if not surface.size:
-        return None
+        return []
     size = surface.cell_size
-    return {
-        "x": [float(surface.ix.min() * size), float((surface.ix.max() + 1.0) * size)],
-        "y": [float(surface.iy.min() * size), float((surface.iy.max() + 1.0) * size)],
-        "z": [float(surface.low_end.min()), float(surface.height.max())],
-    }
+    low = [surface.ix.min() * size, surface.iy.min() * size, surface.low_end.min()]
+    high = [
+        (surface.ix.max() + 1.0) * size,
+        (surface.iy.max() + 1.0) * size,
+        surface.height.max(),
+    ]
+    return [([float(end) for end in low], [float(end) for end in high])]
+
+
+def _hull(extents: list[tuple[list[float], list[float]]]) -> dict[str, list[float]] | None:
+    if not extents:
+        return None
+    lows, highs = zip(*extents, strict=True)
+    ends = zip(zip(*lows, strict=True), zip(*highs, strict=True), strict=True)
+    return {axis: [min(low), max(high)] for axis, (low, high) in zip("xyz", ends, strict=True)}

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from mlscli.commands import dryrun, report
-from mlscli.commands.options import PARTLY_READ, as_json, configured, overwrite, say
+from mlscli.commands.options import PARTLY_READ, Size, as_json, configured, overwrite, say
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import reading
 from mlscli.errors import UsageError
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from mlscli.config import Parameters
     from mlscli.pipeline.builder import Build
     from mlscli.pipeline.change import Change
+    from mlscli.pipeline.large import LargeBuild
+    from mlscli.pipeline.report import Report
 
 
 @click.command()
@@ -48,6 +51,20 @@ if TYPE_CHECKING:
     metavar="N",
     help="Evaluate the map tile by tile in N threads. The map is the same.",
 )
+@click.option(
+    "--memory",
+    type=Size(),
+    metavar="SIZE",
+    help="Take no more memory than this, such as 2G or 500M: points and tiles of the map lie on "
+    "disk meanwhile. The map is the same; map.cell_size must be a number. Text clouds are held "
+    "in memory all the same.",
+)
+@click.option(
+    "--scratch",
+    metavar="DIR",
+    help="The folder for what --memory leaves no room for; by default the system's for temporary "
+    "files. Nothing stays there.",
+)
 @configured
 @reading
 @overwrite
@@ -58,6 +75,8 @@ def command(
     growing: bool,
     dry_run: bool,
     jobs: int | None,
+    memory: int | None,
+    scratch: str | None,
     config: str | None,
     settings: tuple[str, ...],
     overwrite: bool,
@@ -74,10 +93,12 @@ def command(
     from mlscli.io.atomic import refuse_existing
     from mlscli.io.mapfile import write_map
     from mlscli.io.recording import open_recording
+    from mlscli.pipeline.builder import build
+    from mlscli.pipeline.large import build_large
 
     begin = time.perf_counter()
     parameters = load(config, settings)
-    _check_together(parameters, growing, jobs)
+    _check_together(parameters, growing, jobs, memory, scratch)
     target = output or default_output(sources[0])
     refuse_existing(target, overwrite=overwrite, sources=sources)
     if dry_run:
@@ -88,18 +109,25 @@ def command(
     for note in notes:
         say(f"mls: {note}")
 
-    from mlscli.pipeline.builder import build
-
-    with ProgressBar() as progress:
-        built = build(recording, parameters, progress, _nobody if growing else None, jobs)
-    write_map(target, built.surface, overwrite=overwrite)
+    with ProgressBar() as progress, ExitStack() as stack:
+        built: Build | LargeBuild
+        if memory is None:
+            built = build(recording, parameters, progress, _nobody if growing else None, jobs)
+        else:
+            large = build_large(
+                recording, parameters, memory, scratch=scratch, jobs=jobs, progress=progress
+            )
+            built = stack.enter_context(large)
+        write_map(target, built.surface, overwrite=overwrite)
+        account = _account(target, built, recording.losses)
     for note in recording.notes:
         if note not in notes:
             say(f"mls: {note}")
     for loss in recording.losses:
         say(f"mls: warning: {loss}")
     seconds = time.perf_counter() - begin
-    account = _account(target, built, recording.losses, seconds)
+    account |= {"seconds": {"total": seconds, **built.report.seconds}}
+    account |= {"points_per_second": account["points"]["read"] / seconds}
     click.echo(json.dumps(account, indent=2) if as_json else _text(account))
     return PARTLY_READ if recording.losses else 0
 
@@ -111,22 +139,35 @@ def default_output(source: str) -> str:
     return f"{path.name if path.is_dir() else path.stem}.npz"
 
 
-def _check_together(parameters: Parameters, growing: bool, jobs: int | None) -> None:
-    """Refuse options that say how to evaluate a map that grows by batches."""
-    if jobs is not None and parameters.mode == "sequential":
-        raise UsageError("--jobs: a sequential map is made batch by batch; set mode=consistent")
-    if jobs is not None and growing:
-        raise UsageError("--jobs: a map that is --growing is made batch by batch; leave one out")
+def _check_together(
+    parameters: Parameters,
+    growing: bool,
+    jobs: int | None,
+    memory: int | None,
+    scratch: str | None,
+) -> None:
+    """Refuse options that do not go with a map that is made batch by batch."""
+    for option, value in (("--jobs", jobs), ("--memory", memory)):
+        if value is not None and parameters.mode == "sequential":
+            raise UsageError(
+                f"{option}: a sequential map is made batch by batch; set mode=consistent"
+            )
+        if value is not None and growing:
+            raise UsageError(f"{option}: does not go with --growing; leave one of them out")
+    if scratch is not None and memory is None:
+        raise UsageError("--scratch: says where --memory puts what it leaves no room for; add it")
 
 
 def _nobody(change: Change) -> None:
     """Follow a map without looking: it is up to date after every batch all the same."""
 
 
-def _account(target: str, built: Build, losses: list[str], seconds: float) -> dict[str, Any]:
+def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[str, Any]:
+    from mlscli.stored_map import head_of
     from mlscli.summary import describe
 
-    meta = built.surface.meta
+    head = head_of(built.surface)
+    meta = head.meta
     return {
         "map": target,
         **describe(built.surface),
@@ -135,21 +176,19 @@ def _account(target: str, built: Build, losses: list[str], seconds: float) -> di
         "batches": meta["batches"],
         "mode": meta["parameters"]["mode"],
         "lost": losses,
-        "pace": _pace(built),
-        "seconds": {"total": seconds, **built.report.seconds},
-        "points_per_second": meta["points"]["read"] / seconds,
+        "pace": _pace(built.report, head.route[:, 0].tolist()),
     }
 
 
-def _pace(built: Build) -> dict[str, float | None] | None:
+def _pace(made: Report, stamps: list[float]) -> dict[str, float | None] | None:
     """Return how long (s) the slowest batch took, and the flight for a batch on the average."""
-    if built.report.slowest_batch is None:
+    if made.slowest_batch is None:
         return None
-    known = [stamp for stamp in built.surface.route[:, 0].tolist() if math.isfinite(stamp)]
+    known = [stamp for stamp in stamps if math.isfinite(stamp)]
     flight = max(known) - min(known) if known else 0.0
     return {
-        "slowest_batch": built.report.slowest_batch,
-        "flight_per_batch": flight / built.report.batches if flight > 0 else None,
+        "slowest_batch": made.slowest_batch,
+        "flight_per_batch": flight / made.batches if flight > 0 else None,
     }
 
 

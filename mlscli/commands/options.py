@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -11,6 +12,21 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 PARTLY_READ = 3
 """The exit status where the work is done, but part of the input could not be read."""
+
+
+class Size(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # generic since click 8.3
+    """A number of bytes, with K, M, G or T for powers of 1024."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the bytes, or say how a size is written."""
+        if isinstance(value, int):
+            return value
+        found = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)B?", str(value).strip().upper())
+        if found is None:
+            self.fail(f"{value!r} is no size; write 2G or 500M", param, ctx)
+        return int(float(found[1]) * 1024 ** " KMGT".index(found[2] or " "))
 
 
 def configured(command: Command) -> Command:

@@ -10,15 +10,16 @@ from __future__ import annotations
 import json
 import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from mlscli.errors import InputError, MlsError
 from mlscli.io.atomic import atomic_write
+from mlscli.stored_map import StoredMap, column_of, head_of
 from mlscli.surface_map import COLUMNS, SurfaceMap
 from mlscli.typing import Array
 
@@ -30,28 +31,53 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 def write_map(
-    path: str | os.PathLike[str], surface: SurfaceMap, *, overwrite: bool = False
+    path: str | os.PathLike[str], surface: SurfaceMap | StoredMap, *, overwrite: bool = False
 ) -> None:
-    """Write a map, whole or not at all.
+    """Write a map, whole or not at all; one that lies on disk part by part.
 
     Raises
     ------
     OutputError
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
-    arrays: dict[str, Any] = {"format": FORMAT, "version": VERSION}
-    arrays |= {name: getattr(surface, name) for name in LENGTHS}
-    arrays |= surface.columns
-    arrays |= {"frame_id": surface.frame_id, "route": surface.route}
-    arrays |= {"meta": json.dumps(surface.meta, ensure_ascii=False, allow_nan=False)}
+    head = head_of(surface)
     with (
         atomic_write(path, overwrite=overwrite) as stream,
         zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive,
     ):
-        for name, value in arrays.items():
-            entry = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
-            with archive.open(entry, "w", force_zip64=True) as member:
+
+        def write(name: str, value: object) -> None:
+            with _member(archive, name) as member:
                 np.lib.format.write_array(member, np.asanyarray(value), allow_pickle=False)
+
+        write("format", FORMAT)
+        write("version", VERSION)
+        for name in LENGTHS:
+            write(name, getattr(head, name))
+        for name, dtype in COLUMNS.items():
+            with _member(archive, name) as member:
+                _write_column(member, dtype, surface.size, column_of(surface, name))
+        write("frame_id", head.frame_id)
+        write("route", head.route)
+        write("meta", json.dumps(head.meta, ensure_ascii=False, allow_nan=False))
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
+    return archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True)
+
+
+def _write_column(
+    member: IO[bytes], dtype: np.dtype[Any], size: int, parts: Iterable[Array]
+) -> None:
+    """Write an array of one dimension that comes in parts, as numpy writes it at once."""
+    described = {
+        "descr": np.lib.format.dtype_to_descr(dtype),
+        "fortran_order": False,
+        "shape": (size,),
+    }
+    np.lib.format.write_array_header_1_0(member, described)
+    for part in parts:
+        member.write(np.ascontiguousarray(part).data)
 
 
 def read_map(path: str | os.PathLike[str]) -> SurfaceMap:

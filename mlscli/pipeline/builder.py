@@ -8,7 +8,7 @@ batches.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -168,10 +168,9 @@ class MapBuilder:
 
     def _grow(self) -> Change:
         """Bring the map up to date with the batches that it has not seen."""
-        if self._growing is None:
-            self._growing = self._seed()
+        growing = self._growing_map()
         begin = time.perf_counter()
-        change = self._growing.grow(self._unseen())
+        change = growing.grow(self._unseen())
         slowest = self.report.slowest_batch or 0.0
         self.report.slowest_batch = max(slowest, time.perf_counter() - begin)
         if self._follow is not None:
@@ -193,10 +192,14 @@ class MapBuilder:
         return kind(self._pipeline)
 
     def _up_to_date(self) -> SurfaceMap:
-        if self._batches or self._growing is None:
+        if self._batches:
             self._grow()
-        assert self._growing is not None
-        return self._growing.whole()
+        return self._growing_map().whole()
+
+    def _growing_map(self) -> GrowingMap:
+        if self._growing is None:
+            self._growing = self._seed()
+        return self._growing
 
     def _unseen(self) -> Points:
         """Return the points of the batches that the map has not seen, which are so no more."""
@@ -206,7 +209,11 @@ class MapBuilder:
 
     def _described(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the route, and with what its meta says of it."""
-        meta = {
+        meta = self._meta(points_in(surface))
+        return replace(surface, route=np.concatenate(self._routes), meta=meta)
+
+    def _meta(self, kept: int) -> dict[str, Any]:
+        return {
             "program": f"mls {mlscli.__version__}",
             "sources": self._sources,
             "reading": self._reading,
@@ -214,12 +221,11 @@ class MapBuilder:
             "points": {
                 "read": self.report.points_read,
                 "dropped": dict(sorted(self.report.dropped.items())),
-                "kept": points_in(surface),
+                "kept": kept,
             },
             "keyframes": self._keyframes,
             "batches": self.report.batches,
         }
-        return replace(surface, route=np.concatenate(self._routes), meta=meta)
 
 
 def build(
@@ -255,18 +261,17 @@ def build(
         Where the recording cannot be read, the parameters do not go together, or nothing is left.
     """
     parameters = Parameters() if parameters is None else parameters
-    read = Report()
-    keyframes = _read(recording, read, progress)
+    reading = Report()
+    held = None
     if parameters.map.cell_size == "auto":
         # The size comes from the whole recording, before the first batch.
-        held = list(keyframes)
+        held = list(read(recording, reading, progress))
         xyz = np.concatenate([keyframe.points for keyframe in held])
-        with read.timed("cell size"):
+        with reading.timed("cell size"):
             cell_size = auto_cell_size(
                 xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
             )
         parameters = parameters.with_cell_size(cell_size)
-        keyframes = iter(held)
     builder = MapBuilder(
         parameters,
         recording.frame_id,
@@ -276,23 +281,49 @@ def build(
         follow=follow,
         jobs=jobs,
     )
-    for keyframe in keyframes:
+    builder.report.add(reading)
+    feed(builder, recording, progress, held)
+    surface = builder.finish()
+    if not surface.size:
+        raise InputError(emptied(recording, builder.report))
+    return Build(surface, builder.report)
+
+
+def feed(
+    builder: MapBuilder,
+    recording: Recording,
+    progress: Progress | None = None,
+    held: Iterable[Keyframe] | None = None,
+) -> None:
+    """Give a builder the keyframes of a recording, unless they are held already."""
+    for keyframe in read(recording, builder.report, progress) if held is None else held:
         builder.add(keyframe)
     # The recording has dropped points, too, which the builder never saw.
     builder.report.points_read = recording.tally.points_read
     builder.report.dropped.update(recording.tally.dropped)
-    builder.report.seconds.update(read.seconds)
-    surface = builder.finish()
-    if not surface.size:
-        raise InputError(f"{', '.join(recording.sources)}: {_emptied(builder.report)}")
-    return Build(surface, builder.report)
 
 
-def _emptied(report: Report) -> str:
+def read(recording: Recording, report: Report, progress: Progress | None) -> Iterator[Keyframe]:
+    """Read the keyframes of a recording; the time that takes goes to the report."""
+    keyframes = recording.keyframes()
+    done = 0
+    while True:
+        with report.timed("reading"):
+            keyframe = next(keyframes, None)
+        if keyframe is None:
+            return
+        done += 1
+        if progress is not None:
+            progress("reading", done, recording.expected_keyframes)
+        yield keyframe
+
+
+def emptied(recording: Recording, report: Report) -> str:
+    """Say why a recording that holds points gives a map without patches."""
     reasons = ", ".join(f"{count:,} ({reason})" for reason, count in report.dropped.items())
     return (
-        f"no point is left to map: of {report.points_read:,} read, dropped were {reasons}; look at "
-        "map.cell_size and the stages' parameters"
+        f"{', '.join(recording.sources)}: no point is left to map: of {report.points_read:,} read, "
+        f"dropped were {reasons}; look at map.cell_size and the stages' parameters"
     )
 
 
@@ -305,17 +336,3 @@ def build_map(
 ) -> SurfaceMap:
     """Build the map of a recording; as `build`, without the account."""
     return build(recording, parameters, progress, follow, jobs).surface
-
-
-def _read(recording: Recording, report: Report, progress: Progress | None) -> Iterator[Keyframe]:
-    keyframes = recording.keyframes()
-    done = 0
-    while True:
-        with report.timed("reading"):
-            keyframe = next(keyframes, None)
-        if keyframe is None:
-            return
-        done += 1
-        if progress is not None:
-            progress("reading", done, recording.expected_keyframes)
-        yield keyframe

@@ -21,7 +21,7 @@ class Report:
         How many of them were dropped, by reason.
     batches : int
     seconds : dict
-        Wall time by what was done.
+        Wall time by what was done, summed over threads where the map is made in tiles.
     slowest_batch : float or None
         Wall time (s) of the batch that took longest; None where the map did not grow by batches.
     """

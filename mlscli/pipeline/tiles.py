@@ -97,7 +97,7 @@ class TiledMap:
 
     def extract(self, cells: CellSet) -> SurfaceMap:
         """Return the patches in `cells`."""
-        return self._map(self._tiles.extract(cells))
+        return surface_of(self._tiles.extract(cells), self._empty)
 
     def replace(self, cells: CellSet, new: SurfaceMap) -> None:
         """Replace the patches in `cells` by `new`, all of which lie in them."""
@@ -105,11 +105,7 @@ class TiledMap:
 
     def whole(self) -> SurfaceMap:
         """Return the map of all tiles."""
-        return self._map(self._tiles.whole())
-
-    def _map(self, records: Array) -> SurfaceMap:
-        columns: dict[str, Any] = {name: np.ascontiguousarray(records[name]) for name in COLUMNS}
-        return replace(self._empty, **columns)
+        return surface_of(self._tiles.whole(), self._empty)
 
 
 class TiledPoints:
@@ -149,6 +145,12 @@ def records_of(surface: SurfaceMap) -> Array:
     for name, column in surface.columns.items():
         records[name] = column
     return records
+
+
+def surface_of(records: Array, like: SurfaceMap) -> SurfaceMap:
+    """Return the map of records, in their order; all but its patches is like another's."""
+    columns: dict[str, Any] = {name: np.ascontiguousarray(records[name]) for name in COLUMNS}
+    return replace(like, **columns)
 
 
 def cells_of(points: Points, cell_size: float) -> Array:

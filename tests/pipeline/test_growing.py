@@ -22,6 +22,7 @@ from mlscli.cells import cell_indices
 from mlscli.config import Parameters, loads
 from mlscli.keyframes import Keyframe, Points
 from mlscli.parameters import in_units
+from mlscli.pipeline import tilewise
 from mlscli.pipeline.builder import MapBuilder
 from mlscli.pipeline.change import Change
 from mlscli.pipeline.grouping import group
@@ -104,7 +105,7 @@ def test_after_every_batch_the_map_is_that_of_one_pass(seed: int, size: int, sta
     so_far: list[Points] = []
     # What a follower knows of the map, who has been told of nothing but changes.
     seen = builder.surface
-    followed.clear()
+    assert not followed
     for batch in batches_of(points, size):
         before = seen
         so_far.append(batch)
@@ -257,3 +258,28 @@ def test_a_recorded_flight_grows_alike_in_batches_of_any_size(
     assert surface == one_pass(together(batches), given_parameters, final=True)
     assert set(surface.origin.tolist()) == {0, 1, 2}
     assert surface.meta["points"]["dropped"] == _dropped(together(batches), given_parameters)
+
+
+def test_a_building_of_storeys_grows_and_is_tiled_alike(
+    shared_data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ply = shared_data / "multilevel/building_floors_cgal.ply"
+    header = ply.read_text()[:2000].partition("end_header")[0].count("\n") + 1
+    xyz = np.loadtxt(ply, skiprows=header, usecols=(0, 1, 2))
+    xyz = np.random.default_rng(1).permutation(xyz)[:20_000]
+    given_parameters = mlscli.load_parameters(None, ["map.cell_size=0.5", "map.gap_size=1.5"])
+    ends = len(xyz) - np.cumsum([1000, 300, 80, 52, 20])
+    batches = [
+        Points(cloud, np.full(len(cloud), number, dtype=np.int32))
+        for number, cloud in enumerate(np.split(xyz, ends[::-1]))
+    ]
+    expected = one_pass(together(batches), given_parameters, final=True)
+    growing = MapBuilder(given_parameters)
+    for batch in batches:
+        growing.process_cloud(batch.xyz)
+    assert growing.surface == expected
+    monkeypatch.setattr(tilewise, "WORTHWHILE", 1)
+    tiled = MapBuilder(given_parameters, jobs=2)
+    for batch in batches:
+        tiled.add(Keyframe(batch.xyz))
+    assert tiled.finish() == expected

@@ -1,0 +1,65 @@
+"""A cloud larger than memory: ``python benchmarks/large.py --points 100e6 --memory 2G``.
+
+A survey flight over a hilly plain is written as a ROS 1 bag, lane by lane, and built with
+``--memory``; printed are the time and the greatest resident size of the process.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+
+from mlscli.io.bagwriter import MAP, BagWriter
+
+CELL, POINTS_PER_CELL, MESSAGE, LANES = 0.1, 10, 200_000, 20
+# A neighbourhood of the usual number of points, for cells that hold so many.
+SETTINGS = {"default": ("--set", "median.nb_radius=1 cell"), "plain": ()}
+
+
+def write_survey(path: Path, points: int) -> None:
+    """Write a bag of a plain flown over in lanes along x."""
+    rng = np.random.default_rng(1)
+    side = (points / POINTS_PER_CELL) ** 0.5 * CELL
+    messages = max(LANES, points // MESSAGE)
+    with BagWriter(path, "ros1") as bag:
+        for number in range(messages):
+            lane, along = divmod(number * LANES / messages, 1)
+            x = side * (along + rng.uniform(0, LANES / messages, points // messages))
+            y = side / LANES * (lane + rng.uniform(-0.2, 1.2, len(x)))
+            z = 3 * np.sin(x / 20) * np.cos(y / 30) + rng.normal(0, CELL / 5, len(x))
+            bag.cloud(number * 10**8, MAP, np.column_stack((x, y, z)))
+
+
+@click.command()
+@click.option("--points", type=float, default=100e6, show_default=True)
+@click.option("--memory", default="2G", show_default=True)
+@click.option("--preset", type=click.Choice(list(SETTINGS)), default="default", show_default=True)
+@click.option("--jobs", type=int, default=2, show_default=True)
+def main(points: float, memory: str, preset: str, jobs: int) -> None:
+    """Write the flight, build its map, and print time and memory."""
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder, "survey.bag")
+        write_survey(bag, int(points))
+        begin = time.perf_counter()
+        command = [sys.executable, "-m", "mlscli", "build", str(bag), "-o", f"{folder}/map.npz"]
+        command += ["--memory", memory, "--jobs", str(jobs), "--scratch", folder, "-c", preset]
+        command += ["--set", f"map.cell_size={CELL}", *SETTINGS[preset]]
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+        seconds = time.perf_counter() - begin
+        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
+        sizes = [path.stat().st_size / 2**30 for path in (bag, Path(folder, "map.npz"))]
+    click.echo(done.stdout)
+    click.echo(f"{seconds:.0f} s, {points / seconds:,.0f} points/s")
+    click.echo(f"{peak:.2f} GB resident at most, of {memory}")
+    click.echo(f"bag {sizes[0]:.2f} GB, map {sizes[1]:.2f} GB")
+
+
+if __name__ == "__main__":
+    main()
