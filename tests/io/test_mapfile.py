@@ -17,6 +17,8 @@ import pytest
 
 from mlscli.errors import InputError, OutputError
 from mlscli.io.mapfile import is_map, read_map, write_map
+from mlscli.scratch import Scratch
+from mlscli.stored_map import StoredMap
 from mlscli.surface_map import COLUMNS, SurfaceMap
 from tests.maps import random_map
 
@@ -75,6 +77,18 @@ def test_equal_maps_make_equal_files(surface: SurfaceMap, tmp_path: Path) -> Non
     for name in ("a.npz", "b.npz"):
         write_map(tmp_path / name, surface)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_map_on_disk_is_written_part_by_part_as_at_once(
+    surface: SurfaceMap, written: Path, tmp_path: Path
+) -> None:
+    with Scratch() as scratch:
+        stored = StoredMap(surface, [])
+        for first, last in ((None, 1), (2, 2), (3, None)):
+            stored.put(surface.crop(min_x=first, max_x=last), scratch)
+        assert stored.size == surface.size
+        write_map(tmp_path / "stored.npz", stored)
+    assert (tmp_path / "stored.npz").read_bytes() == written.read_bytes()
 
 
 @pytest.mark.parametrize("name", ARRAYS)

@@ -23,7 +23,6 @@ from mlscli.io.recording import open_recording
 from mlscli.pipeline import large
 from mlscli.pipeline.builder import build
 from mlscli.pipeline.large import build_large
-from mlscli.scratch import Scratch
 from mlscli.summary import describe
 from tests.bags import Sent, write_bag
 
@@ -121,15 +120,6 @@ def test_no_folder_for_what_does_not_fit(little: int, tmp_path: Path) -> None:
         build_large(recording, parameters(), little, scratch=missing),
     ):
         pass
-
-
-def test_arrays_put_away_are_read_back_in_slices() -> None:
-    arrays = [np.arange(10), np.array([], dtype=np.float64), np.ones(3, dtype=[("a", "<i4")])]
-    with Scratch() as scratch:
-        stored = [scratch.put(array) for array in arrays]
-        for array, one in zip(arrays, stored, strict=True):
-            assert one[0 : len(array)].tobytes() == array.tobytes()
-        assert stored[0][3:7].tolist() == [3, 4, 5, 6]
 
 
 def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
