@@ -58,7 +58,7 @@ def flight(
 
 def content(container: Container, topics: Iterable[str] | None = None) -> list[Sent]:
     return [
-        Sent(message.channel.topic, message.log_time, message.data)
+        Sent(message.channel.topic, message.log_time, bytes(message.data))
         for message in container.messages(None if topics is None else set(topics))
     ]
 

@@ -45,6 +45,11 @@ class Cloud:
     frame_id: str = ""
     attitude: tuple[float, float, float, float] = UNKNOWN_ATTITUDE
 
+    @property
+    def has_position(self) -> bool:
+        """Whether it is known where the craft was."""
+        return all(map(math.isfinite, self.position))
+
 
 @dataclass(frozen=True)
 class Topic:

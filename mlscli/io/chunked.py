@@ -220,9 +220,11 @@ class ChunkedFile(ABC):
             losses.add(f"the chunk at byte {chunk.position:,} is damaged: {contents.fault}")
         entries = [entry for entry in contents.entries if entry.channel in wanted]
         entries.sort(key=lambda entry: entry.log_time)
+        # A copy would cost as much as reading.
+        view = memoryview(data)
         for log_time, number, start, stop in entries:
             channel = wanted[number]
-            content = plain(data[start:stop], channel.encoding)
+            content = plain(view[start:stop], channel.encoding)
             if isinstance(content, DamagedError):
                 losses.add(
                     f"a message of {channel.topic} is damaged: {content}",

@@ -68,18 +68,23 @@ def decompress_start(data: bytes, method: str, size: int) -> bytes:
     return b"".join(pieces)[:size]
 
 
-def plain(data: bytes, encoding: str) -> bytes | DamagedError:
+def plain(data: bytes | memoryview, encoding: str) -> bytes | memoryview | DamagedError:
     """Return a message as it was serialized, or what is wrong with it.
 
     ROS 2 can compress each message. That is told by how it begins, as no message in CDR does.
     """
-    if encoding != "cdr" or not data.startswith(ZSTD_MAGIC):
+    if encoding != "cdr" or data[:4] != ZSTD_MAGIC:
         return data
     import zstandard
 
+    compressed = bytes(data)
     try:
-        size = zstandard.frame_content_size(data)
-        return decompress(data, "zstd", size) if size >= 0 else _zstd_in_pieces(data, LARGEST)
+        size = zstandard.frame_content_size(compressed)
+        return (
+            decompress(compressed, "zstd", size)
+            if size >= 0
+            else _zstd_in_pieces(compressed, LARGEST)
+        )
     except (zstandard.ZstdError, MemoryError) as error:
         return DamagedError(f"zstd: {_one_line(error)}")
     except DamagedError as error:

@@ -48,13 +48,13 @@ class Message(NamedTuple):
     channel : Channel
     log_time : int
         When it was recorded, in nanoseconds.
-    data : bytes
+    data : bytes or memoryview
         Serialized.
     """
 
     channel: Channel
     log_time: int
-    data: bytes
+    data: bytes | memoryview
 
 
 class Container(Protocol):

@@ -92,10 +92,10 @@ def reason(error: Exception) -> str:
 
 
 class _Codec(Protocol):
-    def read(self, data: bytes) -> Any:
+    def read(self, data: bytes | memoryview) -> Any:
         """Return a message as an object."""
 
-    def head(self, data: bytes) -> tuple[float, str]:
+    def head(self, data: bytes | memoryview) -> tuple[float, str]:
         """Return the time and the frame that a message begins with."""
 
 
@@ -103,15 +103,12 @@ class _Ros:
     """Messages of ROS 1, or of ROS 2 in CDR."""
 
     def __init__(self, channel: Channel) -> None:
-        store = typestore_of(channel)
+        definitions = typestore_of(channel).fielddefs
         self._is_cdr = channel.encoding == "cdr"
-        self._type = channel.type
-        self._store = store
-        flat = FlatReader(channel.type, store.fielddefs, is_cdr=self._is_cdr)
-        self._flat = flat if flat.pays else None
-        fields = store.fielddefs[channel.type][1]
+        self.read = FlatReader(channel.type, definitions, is_cdr=self._is_cdr).read
+        fields = definitions[channel.type][1]
         if fields and fields[0][1] == (Nodetype.NAME, _HEADER):
-            fields = store.fielddefs[_HEADER][1]
+            fields = definitions[_HEADER][1]
         has_sequence_number = bool(fields) and fields[0][1] == (Nodetype.BASE, ("uint32", 0))
         opening = [desc for _, desc in fields[has_sequence_number:][:2]]
         self._has_time = opening[:1] == [(Nodetype.NAME, _TIME)]
@@ -119,14 +116,7 @@ class _Ros:
         # In CDR four bytes that tell the byte order come first.
         self._time_at = 4 * (self._is_cdr + has_sequence_number)
 
-    def read(self, data: bytes) -> Any:
-        if self._flat is not None:
-            return self._flat.read(data)
-        deserialize = self._store.deserialize_cdr if self._is_cdr else self._store.deserialize_ros1
-        # Of a memoryview the part behind CDR's first bytes is no copy.
-        return deserialize(memoryview(data), self._type)
-
-    def head(self, data: bytes) -> tuple[float, str]:
+    def head(self, data: bytes | memoryview) -> tuple[float, str]:
         if not self._has_time:
             return math.nan, ""
         order = ">" if self._is_cdr and not data[1] & 1 else "<"
@@ -136,16 +126,19 @@ class _Ros:
             return stamp, ""
         begin = self._time_at + 8 + 4
         (length,) = struct.unpack_from(order + "I", data, begin - 4)
-        return stamp, data[begin : begin + length].rstrip(b"\0").decode(errors="replace")
+        return stamp, bytes(data[begin : begin + length]).rstrip(b"\0").decode(errors="replace")
 
 
 class _Named:
     """Messages whose fields have names: protobuf and json."""
 
     def __init__(self, read: Callable[[bytes], Any]) -> None:
-        self.read = read
+        self._read = read
 
-    def head(self, data: bytes) -> tuple[float, str]:
+    def read(self, data: bytes | memoryview) -> Any:
+        return self._read(bytes(data))
+
+    def head(self, data: bytes | memoryview) -> tuple[float, str]:
         message = self.read(data)
         stamp = seconds(message.timestamp) if hasattr(message, "timestamp") else math.nan
         frame = getattr(message, "frame_id", "")
@@ -158,10 +151,10 @@ class _Unreadable:
     def __init__(self, reason: str) -> None:
         self.reason = reason
 
-    def read(self, data: bytes) -> Any:  # noqa: ARG002
+    def read(self, data: bytes | memoryview) -> Any:  # noqa: ARG002
         raise MalformedMessageError(self.reason)
 
-    def head(self, data: bytes) -> tuple[float, str]:  # noqa: ARG002
+    def head(self, data: bytes | memoryview) -> tuple[float, str]:  # noqa: ARG002
         return math.nan, ""
 
 

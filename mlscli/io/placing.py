@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -136,7 +137,7 @@ class Placing:
                 return None
             points = apply(pose, points)
             position, attitude = _told(pose)
-        known = position if np.isfinite(cloud.position).all() else self._position(cloud.stamp)
+        known = position if cloud.has_position else self._position(cloud.stamp)
         return Cloud(points, cloud.stamp, known or position, self.frame_id, attitude)
 
     def moves_with_craft(self, frame_id: str) -> bool:
@@ -151,13 +152,17 @@ class Placing:
             return _known(self._asked.trajectory.at(times))
         if self._track is not None:
             return _known(self._in_map(self._track, times).translation)
-        body = _body(self._tree)
+        body = self._body
         if body is None or body == self.frame_id:
             return None
         try:
             return _known(self._tree.lookup(self.frame_id, body, times).translation)
         except InputError:
             return None
+
+    @cached_property
+    def _body(self) -> str | None:
+        return _body(self._tree)
 
     # --- ways into the map frame ---
 
@@ -205,7 +210,7 @@ class Placing:
     def _way_by_poses(self, track: _Track, frame: str) -> Way:
         mounting = self._asked.mounting
         mount = None if mounting is None else mounting.poses
-        body = track.child or _body(self._tree)
+        body = track.child or self._body
         if mount is None and frame and body and {frame, body} <= {*self._tree.frames}:
             # A sensor that moves on the craft is looked up anew each time.
             return lambda stamp: _single(

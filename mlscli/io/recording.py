@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 Turn: TypeAlias = Callable[[Float64], Float64]
 """Turns points (N, 3) as recorded so that z points up."""
 
+_Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
+# Why points are dropped, and which are kept.
+
 AUTO = "auto"
 """The value of ``--up`` that asks for the vertical to be found."""
 
@@ -174,7 +177,7 @@ class Recording:
         """
         known = False
         for cloud in self._clouds():
-            known |= bool(np.isfinite(cloud.position).all())
+            known |= cloud.has_position
             yield Keyframe(cloud.points, cloud.stamp, cloud.position)
         if self._trajectory is not None and not known:
             yield from self._loose_route(self._trajectory)
@@ -205,14 +208,17 @@ class Recording:
             placed = self._placed(source, cloud)
             if placed is None:
                 continue
-            points = self._turn(placed.points) + 0.0
-            for reason, keeps in filters:
+            points = _without_negative_zeros(self._turn(placed.points))
+            for reason, keeps in filters if _all_measured(points) else (*_UNMEASURED, *filters):
                 kept = keeps(points)
                 dropped = len(points) - int(np.count_nonzero(kept))
                 if dropped:
                     tally.drop(reason, dropped)
                     points = points[kept]
-            yield replace(placed, points=points, position=_turned(placed.position, self._turn))
+            position = UNKNOWN_POSITION
+            if placed.has_position:
+                position = _turned(placed.position, self._turn)
+            yield Cloud(points, placed.stamp, position, placed.frame_id, placed.attitude)
         is_part = self._glance is not None and self._glance.cut
         if tally.points_read == sum(tally.dropped.values()) and not is_part:
             raise InputError(self._emptiness())
@@ -220,21 +226,20 @@ class Recording:
     def _placed(self, source: Source, cloud: Cloud) -> Cloud | None:
         """Return a cloud in the map frame; None where it is not known where it was."""
         if self._placing.moves_with_craft(cloud.frame_id):
-            returned = np.asarray(cloud.points.any(axis=1))
-            self.tally.drop(NO_RETURN, len(returned) - int(np.count_nonzero(returned)))
-            cloud = replace(cloud, points=cloud.points[returned])
+            returned = _on_any_axis(cloud.points != 0)
+            missing = len(returned) - int(np.count_nonzero(returned))
+            if missing:
+                self.tally.drop(NO_RETURN, missing)
+                cloud = replace(cloud, points=cloud.points[returned])
         placed = self._placing.place(source, cloud)
         if placed is None:
             self.tally.unplaced += 1
             self.tally.drop(UNPLACED, len(cloud.points))
         return placed
 
-    def _filters(self) -> list[tuple[str, Callable[[Float64], Bool]]]:
-        """Return why points are dropped, in the order asked, and which are kept."""
-        filters: list[tuple[str, Callable[[Float64], Bool]]] = [
-            ("not finite", lambda points: _on_all_axes(np.isfinite(points))),
-            ("beyond 1e8", lambda points: _on_all_axes(np.abs(points) <= FARTHEST)),
-        ]
+    def _filters(self) -> list[_Filter]:
+        """Return why points that are measurements are dropped, and which are kept."""
+        filters: list[_Filter] = []
         if self._selection.crop is not None:
             low, high = np.array(self._selection.crop, dtype=np.float64).reshape(3, 2).T
             filters.append(
@@ -404,9 +409,7 @@ def _axes_turned(up: str) -> Turn:
 
 
 def _turned(position: tuple[float, float, float], turned: Turn) -> tuple[float, float, float]:
-    """Turn a position like the points; unknown where one coordinate is not finite."""
-    if not np.isfinite(position).all():
-        return UNKNOWN_POSITION
+    """Turn a position like the points."""
     x, y, z = (turned(np.array([position])) + 0.0)[0].tolist()
     return x, y, z
 
@@ -428,8 +431,29 @@ def _listed(numbers: Sequence[float] | None) -> str | None:
     return None if numbers is None else ",".join(f"{number:g}" for number in numbers)
 
 
+def _without_negative_zeros(points: Float64) -> Float64:
+    # In place, where that is possible, it takes half as long; zeros remain zeros to the source.
+    return np.add(points, 0.0, out=points if points.flags.writeable else None)
+
+
+def _all_measured(points: Float64) -> bool:
+    """Tell whether all points are finite and near enough: mostly they are, and it is soon told."""
+    return not len(points) or bool(points.min() >= -FARTHEST and points.max() <= FARTHEST)
+
+
 def _on_all_axes(holds: Bool) -> Bool:
-    return np.asarray(holds.all(axis=1))
+    # Three columns are sooner combined than rows of three reduced.
+    return np.asarray(holds[:, 0] & holds[:, 1] & holds[:, 2])
+
+
+def _on_any_axis(holds: Bool) -> Bool:
+    return np.asarray(holds[:, 0] | holds[:, 1] | holds[:, 2])
+
+
+_UNMEASURED: tuple[_Filter, ...] = (
+    ("not finite", lambda points: _on_all_axes(np.isfinite(points))),
+    ("beyond 1e8", lambda points: _on_all_axes(np.abs(points) <= FARTHEST)),
+)
 
 
 def _check_applies(option: str, value: object, applies: Sequence[bool], what: str) -> None:

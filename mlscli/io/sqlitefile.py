@@ -102,10 +102,9 @@ class SqliteFile:
         with self._tables() as tables:
             data = tables.data(chosen)
             topics_and_times = values(chosen.topics), values(chosen.times)
-            for content, topic, time in zip(data, *topics_and_times, strict=True):
+            for stored, topic, time in zip(data, *topics_and_times, strict=True):
                 channel = wanted[topic]
-                if isinstance(content, bytes):
-                    content = plain(content, channel.encoding)
+                content = plain(stored, channel.encoding) if isinstance(stored, bytes) else stored
                 if isinstance(content, DamagedError):
                     losses.add(f"a message of {channel.topic} is damaged: {content}", messages=1)
                 else:

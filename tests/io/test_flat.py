@@ -56,14 +56,14 @@ def test_a_message_holds_what_was_written(encoding: str, type_: str, is_big_endi
     rng = np.random.default_rng(1)
     for _ in range(30):
         sent = random_message(STORES[encoding], type_, rng)
-        data = serialized(encoding, type_, sent, is_big_endian=is_big_endian).data
+        data = bytes(serialized(encoding, type_, sent, is_big_endian=is_big_endian).data)
         assert plain(reader(encoding, type_).read(data)) == plain(sent)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_points_are_arrays_with_their_fields(encoding: str) -> None:
     points = [{"x": 1.5, "y": -2, "z": 3}, {"x": 4, "y": 5, "z": 6}]
-    data = serialized(encoding, "sensor_msgs/msg/PointCloud", {"points": points}).data
+    data = bytes(serialized(encoding, "sensor_msgs/msg/PointCloud", {"points": points}).data)
 
     read = reader(encoding, "sensor_msgs/msg/PointCloud").read(data).points
 
@@ -73,17 +73,11 @@ def test_points_are_arrays_with_their_fields(encoding: str) -> None:
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-def test_it_pays_for_messages_that_hold_points_one_by_one(encoding: str) -> None:
-    assert [reader(encoding, type_).pays for type_ in POINT_BY_POINT] == [True] * 4
-    assert [reader(encoding, type_).pays for type_ in OTHERS] == [False] * 5
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_message_that_is_too_short_or_too_long_is_refused(encoding: str) -> None:
     sent = random_message(
         STORES[encoding], "visualization_msgs/msg/MarkerArray", np.random.default_rng(2)
     )
-    data = serialized(encoding, "visualization_msgs/msg/MarkerArray", sent).data
+    data = bytes(serialized(encoding, "visualization_msgs/msg/MarkerArray", sent).data)
     read = reader(encoding, "visualization_msgs/msg/MarkerArray").read
 
     for length in range(len(data)):
@@ -96,16 +90,16 @@ def test_a_message_that_is_too_short_or_too_long_is_refused(encoding: str) -> No
 def test_a_middleware_of_ros_2_may_fill_up_the_last_four_bytes() -> None:
     type_ = "geometry_msgs/msg/PoseArray"
     sent = random_message(STORES["cdr"], type_, np.random.default_rng(3))
-    data = serialized("cdr", type_, sent).data
+    data = bytes(serialized("cdr", type_, sent).data)
 
     assert plain(reader("cdr", type_).read(data + bytes(3))) == plain(sent)
     with pytest.raises(ValueError, match="expected"):
-        reader("ros1", type_).read(serialized("ros1", type_, {}).data + bytes(1))
+        reader("ros1", type_).read(bytes(serialized("ros1", type_, {}).data) + bytes(1))
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize(
-    ("fields", "pays"),
+    ("fields", "alike"),
     [
         ("uint8 a\nfloat64 b\n", {"ros1": True, "cdr": False}),
         ("float64 b\nuint8 a\n", {"ros1": True, "cdr": False}),
@@ -115,7 +109,7 @@ def test_a_middleware_of_ros_2_may_fill_up_the_last_four_bytes() -> None:
     ],
 )
 def test_structures_of_different_sizes_have_gaps_in_cdr(
-    encoding: str, fields: str, pays: dict[str, bool]
+    encoding: str, fields: str, alike: dict[str, bool]
 ) -> None:
     store, type_ = get_typestore(Stores.EMPTY), "a_msgs/msg/A"
     store.register(get_types_from_msg("string name\nB[] some\nB[2] two\n", type_))
@@ -126,5 +120,6 @@ def test_structures_of_different_sizes_have_gaps_in_cdr(
 
     for _ in range(30):
         sent: Any = random_message(store, type_, rng)
-        assert plain(flat.read(bytes(serialize(sent, type_)))) == plain(sent)
-    assert flat.pays == pays[encoding]
+        read = flat.read(bytes(serialize(sent, type_)))
+        assert plain(read) == plain(sent)
+        assert isinstance(read.two, np.ndarray) == alike[encoding]

@@ -121,7 +121,7 @@ def test_lengths_beyond_the_data_take_neither_memory_nor_time(encoding: str, typ
     message = serialized(encoding, type_, {})
     deserializer = Deserializer()
     read_whole(deserializer, message)
-    padded = message.data + bytes(64)
+    padded = bytes(message.data) + bytes(64)
     tracemalloc.start()
     begin = time.perf_counter()
     for place in range(4 if encoding == "cdr" else 0, len(padded) - 4):
@@ -160,7 +160,7 @@ def test_json_with_any_member_of_another_kind_is_read_or_told_as_malformed(name:
     begin = time.perf_counter()
     faults = []
     for value in WRONG_MEMBERS:
-        for content in exchanged(json.loads(message.data), value):
+        for content in exchanged(json.loads(bytes(message.data)), value):
             data = json.dumps(content).encode()
             faults.append(read_whole(deserializer, message._replace(data=data)))
 

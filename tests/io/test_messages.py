@@ -120,7 +120,7 @@ def test_a_lidar_with_gaps_between_its_fields_is_read(shared_data: Path) -> None
     assert len(parts) == 5
     with AnyReader([path]) as reader:
         for part, message in zip(parts, of_bag(path, type_), strict=True):
-            plain: Any = reader.deserialize(message.data, type_)
+            plain: Any = reader.deserialize(bytes(message.data), type_)
             at = next(field.offset for field in plain.fields if field.name == "y")
             rows = plain.data.reshape(-1, plain.point_step)[:, at : at + 4]
             expected = np.ascontiguousarray(rows).view("<f4").ravel().astype(float)
