@@ -212,25 +212,23 @@ class _Trial:
         sizing = (time.perf_counter() - begin) / _size(tried)
         self.lengths = _lengths(parameters)
         self.growth = self._slowing = 1.0
+        first = _part(tried, _SHARES[0])
         # The first build loads the kernels.
-        self.startup = _built(parameters, [Keyframe(np.zeros((1, 3)))], follow).seconds
-        last: _Built | None = None
-        for share in _SHARES:
+        loading = _built(parameters, first, follow).seconds
+        last = _built(parameters, first, follow)
+        self.startup = max(0.0, loading - last.seconds)
+        for share in _SHARES[1:]:
             part = _part(tried, share)
-            if last is not None:
-                if _size(part) == last.points:
-                    continue
-                # Points that lie dense can take up to the square of the time.
-                if last.seconds * (_size(part) / last.points) ** 2 > _PATIENCE:
-                    break
-            built = _built(parameters, part, follow)
-            if last is not None:
-                more = built.points / last.points
+            more = _size(part) / last.points
+            # Points that lie dense can take up to the square of the time.
+            if last.seconds * more**2 > _PATIENCE:
+                break
+            if more > 1:
+                built = _built(parameters, part, follow)
                 self._slowing = _power(built.seconds / last.seconds, more, 1.0, 2.0)
                 if len(tried) > 1 and last.patches and built.patches:
                     self.growth = _power(built.patches / last.patches, more, 0.0, 1.0)
-            last = built
-        assert last is not None
+                last = built
         self._last, self._sizing = last, sizing
         self.is_whole = last.points == self._points
         self.dropped = last.dropped if self.is_whole else {}

@@ -22,6 +22,17 @@ from tests.bags import Sent, write_bag
 SECOND = 10**9
 
 
+@pytest.fixture(autouse=True)
+def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a busy machine change no numbers."""
+    monkeypatch.setattr("mlscli.estimate._PATIENCE", 600.0)
+
+
+def unhurried() -> Glance:
+    """Return a look at a whole short recording."""
+    return Glance(seconds=60)
+
+
 def tenth() -> Glance:
     """Return a look at ten of a hundred keyframes."""
     return Glance(points=2000, seconds=60)
@@ -41,7 +52,7 @@ def onwards(keyframes: int = 100) -> list[Sent]:
 
 def test_of_a_short_recording_all_numbers_are_those_of_the_build(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "a.bag", onwards(9))
-    estimate = estimate_build(bag)
+    estimate = estimate_build(bag, glance=unhurried())
     built = build(open_recording(bag)).surface
     meta = built.meta
     assert estimate.whole
@@ -116,7 +127,7 @@ def test_a_single_large_cloud_is_judged_by_a_slab_as_dense(
 ) -> None:
     monkeypatch.setattr("mlscli.estimate._AT_MOST", 2000)
     bag = write_bag(tmp_path / "a.bag", [Sent(strip(0, 50, 1, 20_000))])
-    estimate = estimate_build(bag)
+    estimate = estimate_build(bag, glance=unhurried())
     built = build(open_recording(bag)).surface
     assert not estimate.whole
     assert (estimate.points, estimate.batches) == (20_000, 1)
