@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -59,6 +60,8 @@ class Tally:
         How many of them are left out, as it is not known where they were.
     came : int
         Keyframes, selected or not.
+    began : float
+        The time of the first of these.
     timed : bool
         Whether one of these had a time other than 0.
     """
@@ -68,6 +71,7 @@ class Tally:
     keyframes: int = 0
     unplaced: int = 0
     came: int = 0
+    began: float = math.nan
     timed: bool = False
 
     def drop(self, reason: str, points: int) -> None:
@@ -195,6 +199,8 @@ class Recording:
         choose = self._selection.chooser()
 
         def wanted(stamp: float) -> bool:
+            if not tally.came:
+                tally.began = stamp
             tally.came += 1
             tally.timed |= stamp != 0
             return choose(stamp)
@@ -261,12 +267,22 @@ class Recording:
         has_headers = by_header and any(source.topics() for source in self._sources)
         return has_headers and self.tally.came > 1 and not self.tally.timed
 
+    def _out_of_reach(self) -> str:
+        """Say what helps where no cloud has a transform at its time."""
+        clock = "header" if "time_source" in self.options else "log"
+        return (
+            f"the clouds begin at {self.tally.began:.3f} s, where transforms and poses do not "
+            f"reach; --time-source {clock} takes other times, --frame says which frame stands still"
+        )
+
     def _emptiness(self) -> str:
         """Say why a pass has yielded no points."""
         tally, sources = self.tally, ", ".join(self.sources)
         losses = "".join(f"; {loss}" for loss in self.losses)
         if self._is_timeless and (tally.unplaced or not tally.keyframes):
             losses = f"; {_TIMELESS}{losses}"
+        elif tally.unplaced == tally.keyframes > 0:
+            losses = f"; {self._out_of_reach()}{losses}"
         if not tally.keyframes:
             where = " between --start and --end" if self._selection.by_time else ""
             return f"{sources}: holds no keyframes{where}{losses}"

@@ -164,6 +164,20 @@ def test_threads_make_the_same_file(folder: Path) -> None:
     assert files[0] == files[1] == files[2]
 
 
+def test_clouds_that_no_pose_reaches_are_told_with_their_time(
+    folder: Path, shared_data: Path
+) -> None:
+    bag = shared_data / "bags/ros1_luminar_pc2_lz4.bag"
+    poses = ("--topic", "/luminar_pointcloud", "--pose-topic", "/base_pose_ground_truth")
+    done = mls("build", bag, *poses, cwd=folder)
+    assert done.returncode == 1
+    # The clouds are of March 2020, the poses of a simulation that runs for a minute.
+    assert "the clouds begin at 1583971570.015 s" in done.stderr
+    assert "--time-source log" in done.stderr
+    again = mls("build", bag, *poses, "--time-source", "log", cwd=folder)
+    assert "--time-source header" in again.stderr
+
+
 BAD_INPUT = {
     "no such file": (["nosuch.bag"], 1, "nosuch.bag: "),
     "a folder without a bag": (["empty"], 1, "metadata.yaml"),
