@@ -27,7 +27,7 @@ import numpy as np
 from mlscli.cell_size import auto_cell_size
 from mlscli.config import Parameters
 from mlscli.io.glance import Glance
-from mlscli.io.recording import AUTO, Recording, open_recording
+from mlscli.io.recording import AUTO, open_recording
 from mlscli.keyframes import Keyframe, batches
 from mlscli.parameters import in_units
 from mlscli.pipeline.builder import Follower, MapBuilder
@@ -53,6 +53,8 @@ class Estimate:
         The map frame, and which way of the recording becomes z.
     keyframes, batches, points, patches : int or None
         None where the look ended before there was anything to judge by.
+    counted : bool
+        Whether the keyframes were counted by the recording or here, and not judged by their rate.
     cell_size, gap_size, thickness : float or None
     seconds : float or None
         Wall time.
@@ -68,6 +70,7 @@ class Estimate:
     frame_id: str
     up: str
     keyframes: int | None
+    counted: bool
     batches: int | None
     points: int | None
     patches: int | None
@@ -115,7 +118,9 @@ def estimate_build(
     spent = (time.perf_counter() - begin - opened) * passes
     tally = recording.tally
     trial = _Trial(parameters, keyframes, follow) if _size(keyframes) else None
-    total = _expected_keyframes(recording, keyframes) if glance.cut else tally.keyframes
+    declared = recording.expected_keyframes if glance.cut else tally.keyframes
+    placed = keyframes[: tally.keyframes - tally.unplaced]
+    total = _by_their_rate(placed, recording.duration) if declared is None else declared
     more = total / tally.keyframes if total and tally.keyframes else None
     dropped = dict(tally.dropped)
     known: dict[str, Any] = dict.fromkeys(("batches", "points", "patches", "seconds"))
@@ -135,6 +140,7 @@ def estimate_build(
         frame_id=recording.frame_id,
         up=recording.up,
         keyframes=total if glance.cut else len(keyframes),
+        counted=declared is not None,
         **known,
         read={
             "all": not glance.cut,
@@ -147,13 +153,10 @@ def estimate_build(
     )
 
 
-def _expected_keyframes(recording: Recording, keyframes: Sequence[Keyframe]) -> int | None:
-    """Return how many keyframes there are: as declared, or by their rate; None where unknown."""
-    if recording.expected_keyframes is not None:
-        return recording.expected_keyframes
+def _by_their_rate(keyframes: Sequence[Keyframe], duration: float) -> int | None:
+    """Return how many keyframes there are in so many seconds; None where no times tell."""
     stamps = np.array([keyframe.stamp for keyframe in keyframes])
     flown = float(np.ptp(stamps)) if len(stamps) else 0.0
-    duration = recording.duration
     if not (flown > 0 and math.isfinite(duration)):
         return None
     return max(len(stamps), round((len(stamps) - 1) * duration / flown) + 1)

@@ -71,6 +71,7 @@ def test_of_a_flight_over_new_ground_all_grows_with_the_keyframes(tmp_path: Path
     estimate = estimate_build(bag, glance=tenth())
     assert not estimate.whole
     assert estimate.read["keyframes"] == 10
+    assert estimate.counted
     assert (estimate.keyframes, estimate.batches, estimate.points) == (100, 100, 20_000)
     built = build(open_recording(bag)).surface
     assert estimate.cell_size == pytest.approx(built.cell_size, rel=0.1)
@@ -118,7 +119,7 @@ def test_a_part_of_the_time_holds_a_part_of_the_keyframes(tmp_path: Path) -> Non
         tmp_path / "a.txt", columns="x,y,z,t", start=10.0, end=59.0, glance=tenth()
     )
     assert estimate.read["keyframes"] == 10
-    assert estimate.keyframes == 50
+    assert (estimate.keyframes, estimate.counted) == (50, False)
     assert estimate.points == 10_000
 
 

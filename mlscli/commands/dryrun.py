@@ -30,17 +30,18 @@ def tell(
     from mlscli.estimate import estimate_build
 
     estimate = estimate_build(*sources, parameters=parameters, follow=follow, **selection)
-    auto = parameters.map.cell_size == "auto"
-    account = {"map": target, "mode": parameters.mode, "auto": auto, **asdict(estimate)}
+    account = {"map": target, "mode": parameters.mode, **asdict(estimate)}
     for note in estimate.notes:
         say(f"mls: {note}")
     for loss in estimate.lost:
         say(f"mls: warning: {loss}")
-    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+    click.echo(json.dumps(account, indent=2) if as_json else _text(account, parameters))
     return PARTLY_READ if estimate.lost else 0
 
 
-def _text(account: dict[str, Any]) -> str:
+def _text(account: dict[str, Any], parameters: Parameters) -> str:
+    auto = parameters.map.cell_size == "auto"
+    in_cells = not isinstance(parameters.map.gap_size, int | float)
     read = account["read"]
     about = "" if read["all"] else "about "
     rows = [
@@ -50,8 +51,8 @@ def _text(account: dict[str, Any]) -> str:
         ("keyframes", _keyframes(account, about)),
         ("points", _number(account["points"], about)),
         ("patches", _number(account["patches"], "" if account["whole"] else "about ")),
-        ("cell size", _number(account["cell_size"], about if account["auto"] else "")),
-        ("gap size", _number(account["gap_size"], about if account["auto"] else "")),
+        ("cell size", _number(account["cell_size"], about if auto else "")),
+        ("gap size", _number(account["gap_size"], about if auto and in_cells else "")),
         ("time", _duration(account["seconds"])),
         ("judged by", _judged_by(read)),
         ("dropped", report.counts(read["dropped"])),
@@ -65,7 +66,7 @@ _UNKNOWN = "not known from the beginning of the recording"
 def _keyframes(account: dict[str, Any], about: str) -> str:
     if account["keyframes"] is None:
         return _UNKNOWN
-    told = report.some(account["keyframes"], "keyframe").partition(" ")[0]
+    told = _number(account["keyframes"], "" if account["counted"] else "about ")
     if account["batches"] is None:
         return told
     return f"{told} in {about}{report.some(account['batches'], 'batch')}, {account['mode']}"
