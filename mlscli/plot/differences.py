@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 # Heights that differ by more cells than this are ringed: less is not seen in such a picture.
 TOLERANCE = 0.5
 
-# Differences so many pixels apart share a ring.
-TOGETHER = 3
+# Pixels with at most one between them share a ring; what stretches over more than this many is
+# ringed piece by piece.
+LARGEST = 16
 
 RING = "#d4006e"
 
@@ -44,8 +45,8 @@ def plot_differences(
 ) -> Figure:
     """Return a picture of two maps of one grid from above, with rings where they differ.
 
-    A ring holds patches that one map only has, or that are another half cell or more higher or
-    lower.
+    A ring holds patches that one map only has, that are more than half a cell higher or lower in
+    one, or artificial in one alone.
 
     Parameters
     ----------
@@ -96,6 +97,7 @@ def differing(one: SurfaceMap, other: SurfaceMap, frame: Frame) -> Bool:
     """Tell which pixels, (length, width), hold a patch that the other map has not."""
     in_one, in_other = matches(one, other)
     apart = np.abs(one.height[in_one] - other.height[in_other]) > TOLERANCE * one.cell_size
+    apart |= (one.origin[in_one] == ARTIFICIAL) != (other.origin[in_other] == ARTIFICIAL)
     found = np.zeros((frame.length, frame.width), dtype=np.bool_)
     for surface, matched in ((one, in_one), (other, in_other)):
         differs = np.ones(surface.size, dtype=np.bool_)
@@ -108,13 +110,23 @@ def differing(one: SurfaceMap, other: SurfaceMap, frame: Frame) -> Bool:
 
 def rings(found: Bool, frame: Frame) -> list[Ring]:
     """Return rings around pixels that are near each other."""
-    square = np.ones((TOGETHER, TOGETHER), dtype=np.bool_)
-    number, _ = label(binary_dilation(found, square), np.ones((3, 3)))
+    near = np.ones((3, 3), dtype=np.bool_)
+    number, count = label(binary_dilation(found, near), near)
     number[~found] = 0
+    tiles = np.indices(found.shape) // LARGEST
+    tile = tiles[0] * (found.shape[1] // LARGEST + 1) + tiles[1]
+    for part, place in enumerate(find_objects(number)):
+        if place is not None and max(side.stop - side.start for side in place) > LARGEST:
+            own = number[place] == part + 1
+            number[place][own] = count + 1 + tile[place][own]
+            count += int(tile.max()) + 1
     west, _, south, _ = frame.extent
     pixel = frame.cells * frame.cell_size
     circles = []
-    for rows, columns in find_objects(number):
+    for place in find_objects(number):
+        if place is None:
+            continue
+        rows, columns = place
         x, y = ((part.start + part.stop) / 2 for part in (columns, rows))
         half = np.hypot(columns.stop - columns.start, rows.stop - rows.start) / 2
         circles.append(Ring(west + x * pixel, south + y * pixel, float(half + 1.5) * pixel))

@@ -46,6 +46,23 @@ def test_heights_are_ringed_from_half_a_cell_on() -> None:
     assert ringed(FLOOR, raised(0.26, (5, 5))) == [(2.75, 2.75)]
 
 
+def test_a_patch_that_is_artificial_in_one_map_alone_is_ringed() -> None:
+    origin = FLOOR.origin.copy()
+    origin[(FLOOR.ix == 20) & (FLOOR.iy == 10)] = 2
+    assert ringed(FLOOR, replace(FLOOR, origin=origin)) == [(10.25, 5.25)]
+
+
+def test_what_stretches_over_half_the_map_is_ringed_piece_by_piece() -> None:
+    cells = [(x, 10) for x in range(40)]
+    frame = frame_of(FLOOR)
+    circles = rings(differing(FLOOR, raised(1, *cells), frame), frame)
+    assert len(circles) > 2
+    assert max(ring.radius for ring in circles) < 16 * 0.5
+    for x, y in cells:
+        place = (x + 0.5) * 0.5, (y + 0.5) * 0.5
+        assert any(np.hypot(place[0] - c.x, place[1] - c.y) < c.radius for c in circles)
+
+
 def test_what_is_near_shares_a_ring_and_what_is_far_has_its_own() -> None:
     assert len(ringed(FLOOR, raised(1, (5, 5), (6, 6), (30, 20)))) == 2
 

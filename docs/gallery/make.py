@@ -1,0 +1,241 @@
+"""Make the pictures of the gallery: ``python -m docs.gallery.make [NAME ...]``.
+
+All come from synthetic scenes; maps and settings are those of `benchmarks.figures`, whose table
+gives the numbers.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image, ImageDraw, ImageFont
+
+from benchmarks import figures
+from benchmarks.shown import Shown
+from docs.gallery.render import View, render
+from mlscli.config import load
+from mlscli.mesh import Mesh, build_mesh
+from mlscli.plot import plot_above, plot_differences, plot_section
+from mlscli.quality import mapped
+from mlscli.scenes.flight import fly
+from mlscli.scenes.noise import Noise
+from mlscli.scenes.parts import block, cell, cells, floor, inset, ramp, wall
+from mlscli.scenes.presets import make
+from mlscli.scenes.surfaces import Scatter, Scene
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import UInt8
+
+FOLDER = Path(__file__).parent
+MOST_BYTES = 150_000
+WIDTH = 1100
+CAPTION = 26
+
+Panel = tuple[str, Mesh]
+
+
+# --- what is shown ---
+
+
+def readme() -> None:
+    """Draw a raised bridge over a creek, houses, a ruin, and red where there was no texture."""
+    save("hamlet", render(build_mesh(hamlet()), WIDTH, View(68, 30)))
+
+
+def overview() -> None:
+    """Figures 2.2 and 2.3: a map without any stage, as a mesh and as patches."""
+    flight = figures.cloud("bridge-walls", 1, figures.CALM)
+    surface = mapped(flight, figures.stages())
+    panels = [("surface", build_mesh(surface)), ("patches", build_mesh(surface, "patches"))]
+    save("2.2-2.3", beside(panels, View(65, 25)))
+
+
+def median() -> None:
+    """Figures 3.3 to 3.6."""
+    bare, filtered, harder = shown(figures.median)
+    view = View(100, 22)
+    save("3.3-3.4", beside(panels_of((bare, filtered)), view))
+    save("3.5", beside(panels_of((bare, filtered), style="patches"), view))
+    save("3.6", beside(panels_of((bare, harder)), view))
+
+
+def orphans() -> None:
+    """Figures 3.9 and 3.10."""
+    save("3.9-3.10", beside(panels_of(shown(figures.orphans)), View(65, 15)))
+
+
+def pyramids() -> None:
+    """Figures 3.12 and 3.13."""
+    save("3.12-3.13", beside(panels_of(shown(figures.pyramids)), View(60, 38)))
+
+
+def plaster() -> None:
+    """Figure 3.17."""
+    save("3.17", beside(panels_of(shown(figures.plaster)), View(70, 32)))
+
+
+def sparse() -> None:
+    """Figure 3.18."""
+    save("3.18", beside(panels_of(shown(figures.sparse)), View(70, 32)))
+
+
+def birmensdorf() -> None:
+    """Figures 6.2 and 6.3: a village with narrow gaps closed, with all stages, from two sides."""
+    partial = village(["mode=consistent", "plaster.max_gap_enhanced=0"])
+    full = village(["mode=consistent"])
+    panels = [("only narrow gaps closed", build_mesh(partial)), ("all stages", build_mesh(full))]
+    save("6.2-6.3", beside(panels, View(62, 38)))
+    save("6.3-north", render(build_mesh(full), WIDTH, View(-118, 38)))
+
+
+def recordings() -> None:
+    """Figures 6.6 and 6.7: a gym and a table, without and with the stages."""
+    for name, scene, view in (("6.6", "gym", View(50, 40)), ("6.7", "table", View(65, 25))):
+        flight = fly(make(scene), 0.1, seed=1)
+        panels = [
+            (what, build_mesh(mapped(flight, parameters)))
+            for what, parameters in (
+                ("no stage", figures.stages()),
+                ("all stages", load("thesis", ["mode=consistent"])),
+            )
+        ]
+        save(name, beside(panels, view))
+
+
+def batches() -> None:
+    """Figure 6.9: batches of 300 and of 80 points, in both modes."""
+    for name, mode in (("6.9", "sequential"), ("6.9-consistent", "consistent")):
+        one, other = (village([f"mode={mode}", f"batch.min_points={size}"]) for size in (300, 80))
+        titles = (f"{mode}, batches of 300", f"{mode}, batches of 80")
+        save(name, pixels(plot_differences(one, other, titles=titles)))
+
+
+def gap() -> None:
+    """Figure 6.10: a gap in a deck, closed along one axis, the other, and both."""
+    save("6.10", beside(panels_of(shown(figures.beside_the_bridge)), View(65, 35)))
+
+
+def plots() -> None:
+    """Show what ``mls plot`` draws: a hamlet from above, and a cut through bridge and creek."""
+    surface = hamlet()
+    save("above", pixels(plot_above(surface, title="mls plot hamlet.npz")))
+    title = "mls plot hamlet.npz --section -5,0,5,0"
+    save("section", pixels(plot_section(surface, (-5, 0), (5, 0), title=title)))
+    storeys = mapped(
+        fly(make("house-storeys"), 0.08, figures.CALM, seed=1),
+        load("default", ["map.cell_size=0.15"]),
+    )
+    save("storeys", render(build_mesh(storeys), WIDTH * 2 // 3, View(60, 25)))
+
+
+ALL: Sequence[Callable[[], None]] = (
+    *(readme, overview, median, orphans, pyramids, plaster, sparse),
+    *(birmensdorf, recordings, batches, gap, plots),
+)
+
+
+# --- how ---
+
+
+def hamlet() -> SurfaceMap:
+    """Return the map of a scene made for one picture, by all stages but the median.
+
+    That smooths what little noise there is, and the tops of walls with it.
+    """
+    scene, bed, deck = Scene("hamlet"), -0.9, 0.9
+    house, eaves, ridge = (cells(14, 32), cells(8, 22)), 1.8, 2.2
+    flat, roof = (cells(-38, -22), cells(6, 20)), 1.35
+    hidden = inset(flat[0]), inset(flat[1])
+    bare = [(cells(x, x + 5), cells(y, y + 4)) for x, y in ((20, -10), (34, -18), (-34, -8))]
+    for shore in (cells(-44, -7), cells(7, 44)):
+        inside = [hidden] if hidden[0][1] < shore[1] < 0 else []
+        unseen = [(x, y) for x, y in bare if shore[0] <= x[0] < shore[1]]
+        scene = floor(scene, shore, cells(-24, 26), 0.0, openings=inside, textureless=unseen)
+    scene = floor(
+        scene, cells(-8, 8), cells(-24, 26), bed, textureless=[(cells(-3, 2), cells(-17, -13))]
+    )
+    for x in (cell(-7.5), cell(7.5)):
+        scene = wall(scene, (x, cell(-24)), (x, cell(26)), (bed, 0.0))
+    scene = ramp(scene, cells(-24, -10), cells(-5, 4), (0.0, deck))
+    scene = floor(scene, cells(-10, 10), cells(-5, 4), deck)
+    scene = ramp(scene, cells(10, 24), cells(-5, 4), (deck, 0.0))
+    scene = block(scene, *flat, (0.0, roof))
+    (west, east), (south, north) = (inset(side, 0.5) for side in house)
+    # Windows wider and higher than what is closed.
+    windows = [(cells(left, left + 6), (0.45, 1.35)) for left in (1.5, 9.5)]
+    for begin, end, openings in (
+        ((west, south), (east, south), windows),
+        ((west, north), (east, north), []),
+        ((west, south), (west, north), [(cells(3, 10), (0.0, 1.2))]),
+        ((east, south), (east, north), []),
+    ):
+        scene = wall(scene, begin, end, (0.0, eaves), openings=openings)
+    middle = (house[0][0] + house[0][1]) / 2
+    scene = ramp(scene, (house[0][0], middle), house[1], (eaves, ridge))
+    scene = ramp(scene, (middle, house[0][1]), house[1], (ridge, eaves))
+    scene = wall(scene, cells(-36, -14.5), cells(-20, -14.5), (0.0, 0.6))
+    scene = wall(scene, (cell(-20), cell(-14.5)), (cell(-20), cell(-20)), (0.0, 0.9))
+    flight = fly(scene, 0.07, Noise(sigma=Scatter(0.02, 0.02), salt_pepper=0.0), visibility=False)
+    parameters = load("default", ["map.cell_size=0.15"])
+    return mapped(flight, figures.only(parameters, ("orphans", "walls", "plaster", "pyramids")))
+
+
+def village(settings: Sequence[str]) -> SurfaceMap:
+    """Return the map of the village, a flight in little noise, by the thesis's parameters."""
+    noise = Noise(sigma=Scatter(0.03, 0.03), salt_pepper=0.05)
+    flight = fly(make("village-thesis"), 0.1, noise, seed=1)
+    return mapped(flight, load("default", [*settings, "map.cell_size=0.15"]))
+
+
+def shown(figure: figures.Figure) -> list[Shown]:
+    """Return the maps of a figure."""
+    return [row for row in figure(1) if isinstance(row, Shown)]
+
+
+def panels_of(rows: Iterable[Shown], style: str = "surface") -> list[Panel]:
+    """Return the meshes of maps with what was done for each."""
+    return [
+        (row.what, build_mesh(row.surface, "patches" if style == "patches" else "surface"))
+        for row in rows
+    ]
+
+
+def beside(panels: Sequence[Panel], view: View) -> UInt8:
+    """Return pictures of meshes side by side, each under what it is."""
+    width = WIDTH // len(panels)
+    images = [render(mesh, width - 10, view) for _, mesh in panels]
+    height = max(len(image) for image in images)
+    page = Image.new("RGB", (WIDTH, height + CAPTION), "white")
+    draw, font = ImageDraw.Draw(page), ImageFont.load_default(size=15)
+    for place, ((what, _), image) in enumerate(zip(panels, images, strict=True)):
+        left = place * width + 5
+        page.paste(Image.fromarray(image), (left, CAPTION + (height - len(image)) // 2))
+        draw.text((left + width / 2 - 5, 4), what, fill="#222222", font=font, anchor="ma")
+    return np.asarray(page)
+
+
+def pixels(figure: Figure) -> UInt8:
+    """Return a figure of matplotlib as a picture."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=WIDTH / figure.get_figwidth())
+    return np.asarray(Image.open(stream).convert("RGB"))
+
+
+def save(name: str, image: UInt8) -> None:
+    """Write a picture in 256 colours, or fewer where it would grow too large."""
+    path = FOLDER / f"{name}.png"
+    for colours in (256, 128, 64, 32):
+        Image.fromarray(image).quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+        if path.stat().st_size <= MOST_BYTES:
+            break
+    print(path.name, path.stat().st_size, colours)  # noqa: T201
+
+
+if __name__ == "__main__":
+    for job in ALL:
+        if len(sys.argv) == 1 or job.__name__ in sys.argv[1:]:
+            job()
