@@ -138,19 +138,19 @@ def add_colourbar(figure: Figure, axes: Axes | list[Axes], paint: Paint) -> None
 
 def _draw_beneath(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame) -> None:
     """Draw a dotted line around the pixels beneath whose patch another one lies."""
+    from matplotlib.collections import LineCollection
+
     first = np.repeat(surface.cells.start[:-1], np.diff(surface.cells.start))
     over = (shown >= 0) & (shown > np.append(first, 0)[shown])
     padded = np.pad(over, 1)
     west, east, south, north = frame.extent
     x = np.linspace(west, east, frame.width + 1)
     y = np.linspace(south, north, frame.length + 1)
-    segments = []
     row, column = np.nonzero(padded[1:-1, 1:] != padded[1:-1, :-1])
-    segments += [((x[c], y[r]), (x[c], y[r + 1])) for r, c in zip(row, column, strict=True)]
+    upright = np.column_stack((x[column], y[row], x[column], y[row + 1]))
     row, column = np.nonzero(padded[1:, 1:-1] != padded[:-1, 1:-1])
-    segments += [((x[c], y[r]), (x[c + 1], y[r])) for r, c in zip(row, column, strict=True)]
-    from matplotlib.collections import LineCollection
-
+    level = np.column_stack((x[column], y[row], x[column + 1], y[row]))
+    segments = list(np.concatenate((upright, level)).reshape(-1, 2, 2))
     axes.add_collection(
         LineCollection(segments, colors=INK, linewidths=0.8, linestyles=(0, (1, 1.2)), zorder=2)
     )

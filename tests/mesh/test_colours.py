@@ -7,18 +7,26 @@ or the route.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mlscli.mesh.colours import (
     ARTIFICIAL_RED,
+    COLOURS,
+    PALE,
     ROUTE_GREEN,
+    ColourBy,
+    Paint,
     from_oklab,
     height_colours,
     height_range,
     height_scale,
     oklab,
     patch_colours,
+    region_colours,
+    scale_of,
 )
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import UInt8
@@ -100,3 +108,67 @@ def test_plastered_is_half_way_to_white_and_artificial_red() -> None:
     measured, plastered, artificial = patch_colours(z, np.array([0, 1, 2], np.uint8), 0, 1).tolist()
     assert plastered == [(channel + 255) // 2 for channel in measured]
     assert tuple(artificial) == ARTIFICIAL_RED
+
+
+def three_kinds() -> SurfaceMap:
+    """Return nine measured patches with more points each, a plastered and an artificial one."""
+    measured = [Patch(x, 0, x / 9, x / 10, 0, 10 ** (x % 4)) for x in range(9)]
+    surface = map_of([*measured, Patch(9, 0, 0.5, 0, 1, 0), Patch(10, 0, 0.5, 0, 2, 0)])
+    first = np.where(surface.origin == 0, surface.ix, -1).astype(np.int32)
+    route = np.array([(100.0 + t, 0, 0, 0) for t in range(9)])
+    return replace(surface, first_keyframe=first, last_keyframe=first, route=route)
+
+
+def painted(by: ColourBy) -> list[list[int]]:
+    surface = three_kinds()
+    colours: list[list[int]] = Paint(surface, by)(
+        surface, np.arange(surface.size), surface.height
+    ).tolist()
+    return colours
+
+
+@pytest.mark.parametrize("by", COLOURS)
+def test_artificial_patches_are_red_but_by_region(by: ColourBy) -> None:
+    assert (painted(by)[-1] == list(ARTIFICIAL_RED)) == (by != "region")
+
+
+@pytest.mark.parametrize("by", ["variance", "count", "time"])
+def test_what_nobody_measured_is_pale_where_measurements_are_shown(by: ColourBy) -> None:
+    assert painted(by)[-2] == list(PALE)
+
+
+def test_variances_are_shown_as_standard_deviations_and_times_from_the_first_on() -> None:
+    variance, time = scale_of(three_kinds(), "variance"), scale_of(three_kinds(), "time")
+    assert variance is not None
+    assert variance.value[:9] == pytest.approx([x / 20 for x in range(9)])
+    assert time is not None
+    assert time.value[:9].tolist() == list(range(9))
+    assert "(s)" in time.label
+
+
+def test_counts_are_shown_as_powers_of_ten() -> None:
+    scale = scale_of(three_kinds(), "count")
+    assert scale is not None
+    assert scale.value[:4] == pytest.approx([0, 1, 2, 3])
+    colours = painted("count")
+    assert colours[0] == colours[4] != colours[3]
+
+
+def test_without_time_stamps_keyframes_are_counted() -> None:
+    surface = three_kinds()
+    scale = scale_of(replace(surface, route=np.full((9, 4), np.nan)), "time")
+    assert scale is not None
+    assert (scale.label, scale.value[:9].tolist()) == ("first keyframe", list(range(9)))
+
+
+def test_regions_next_to_each_other_in_number_look_apart() -> None:
+    colours = region_colours(np.arange(-1, 40, dtype=np.int32))
+    assert colours[0].tolist() == list(PALE)
+    assert min(differences(colours[1:-1], colours[2:])) > 0.1
+
+
+def test_the_scale_is_that_of_the_whole_map_whatever_is_left_out() -> None:
+    surface = three_kinds()
+    part = surface.take(surface.ix < 4)
+    paint = Paint(surface, "time")
+    assert paint(part, np.arange(4), part.height).tolist() == painted("time")[:4]

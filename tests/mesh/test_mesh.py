@@ -19,6 +19,7 @@ from mlscli.errors import InputError, UsageError
 from mlscli.mesh import GROUPS, ROUTE, ROUTE_LIFT, Mesh, Style, build_mesh
 from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN
 from mlscli.surface_map import ARTIFICIAL, MEASURED, SurfaceMap
+from mlscli.typing import Float64
 from tests.maps import Patch, map_of, patches_of, random_map, symmetries, turned_map
 from tests.meshes import a_map, areas, house, plane
 
@@ -56,6 +57,22 @@ def test_no_triangle_is_degenerate_or_drawn_twice(seed: int) -> None:
     corners = mesh.vertices[mesh.triangles]
     places = {tuple(sorted(map(tuple, triangle))) for triangle in corners.tolist()}
     assert len(places) == len(mesh.triangles)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_triangle_is_folded_onto_its_neighbour(seed: int) -> None:
+    mesh = build_mesh(random_map(np.random.default_rng(seed)))
+    across = defaultdict[tuple[int, int], list[Float64]](list)
+    for a, b, c in mesh.triangles.tolist():
+        for begin, end, apex in ((a, b, c), (b, c, a), (c, a, b)):
+            edge = mesh.vertices[max(begin, end)] - mesh.vertices[min(begin, end)]
+            away = mesh.vertices[apex] - mesh.vertices[min(begin, end)]
+            away = away - edge * (away @ edge) / (edge @ edge)
+            key = min(begin, end), max(begin, end)
+            across[key].append(away / np.linalg.norm(away))
+    for ways in across.values():
+        for i, way in enumerate(ways):
+            assert all(way @ other < 1 - 1e-9 for other in ways[:i])
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -204,6 +221,11 @@ def test_the_route_is_a_green_line_just_above_the_ground(style: Style) -> None:
 def test_a_slope_that_is_none_is_refused(slope: float) -> None:
     with pytest.raises(UsageError, match=r"--max-slope .* of 0 or more"):
         build_mesh(a_map((0, 0, 0, 0)), max_slope=slope)
+
+
+def test_an_unknown_colouring_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"colour: is 'mood'; .* height, origin, variance"):
+        build_mesh(a_map((0, 0, 0, 0)), colour="mood")  # type: ignore[arg-type]
 
 
 def test_an_unknown_style_is_refused() -> None:

@@ -68,6 +68,20 @@ def test_a_wall_that_stands_free_looks_to_one_side() -> None:
     assert len(set(np.sign(normal[:, 1]).tolist())) == 1
 
 
+def test_a_block_on_a_plain_has_no_crack_and_no_edge_of_three() -> None:
+    mesh = build_mesh(box())
+    counts = [len(directions) for directions in shared_edges(mesh)]
+    assert max(counts) == 2
+    # The rim of the plain, 11 cells from centre to centre.
+    assert counts.count(1) == 4 * 11
+
+
+@pytest.mark.parametrize("name", ["planes-walls", "gym", "tunnel", "village"])
+def test_where_no_wall_has_floor_on_both_sides_no_edge_has_three_triangles(name: str) -> None:
+    mesh = build_mesh(truth(make(name), 0.15, 0.5, 0.15))
+    assert max(len(directions) for directions in shared_edges(mesh)) == 2
+
+
 @pytest.mark.parametrize("name", TRUE_SCENES)
 def test_triangles_run_through_shared_edges_in_opposite_directions(name: str) -> None:
     mesh = build_mesh(truth(make(name), 0.15, 0.5, 0.15))
