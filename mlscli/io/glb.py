@@ -92,7 +92,9 @@ def write_glb(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = Fal
 
 def _piece(name: str, mesh: Mesh, indices: Int32, middle: Array) -> _Piece:
     """Return the vertices that the elements use, numbered anew."""
-    used, which = np.unique(indices, return_inverse=True)
+    is_used = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    is_used[indices] = True
+    used, number = np.flatnonzero(is_used), np.cumsum(is_used) - 1
     colours = np.full((len(used), 4), 255, dtype=np.uint8)
     # The format's colours are linear.
     colours[:, :3] = _linear()[mesh.colours[used]]
@@ -100,7 +102,7 @@ def _piece(name: str, mesh: Mesh, indices: Int32, middle: Array) -> _Piece:
         name,
         (mesh.vertices[used] - middle).astype("<f4"),
         colours,
-        which.reshape(-1).astype("<u4"),
+        number[indices].reshape(-1).astype("<u4"),
     )
 
 

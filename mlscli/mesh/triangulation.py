@@ -71,7 +71,9 @@ def nodes_of(surface: SurfaceMap, reach: float) -> Nodes:
     is_upright = low < high
     upright = np.flatnonzero(is_upright)
     start = surface.cells.start
-    between, meeting = _joints(low, high, is_upright, start, _around(surface), reach)
+    between, meeting = np.empty(0, dtype=np.int64), np.empty(0)
+    if (high - low > 2 * reach).any():
+        between, meeting = _joints(low, high, is_upright, start, _around(surface), reach)
     patch = np.concatenate((np.arange(surface.size), upright, between))
     height = np.concatenate((high, low[upright], meeting))
     is_joint = np.arange(len(patch)) >= surface.size
