@@ -15,8 +15,9 @@ from pathlib import Path
 
 import click
 import numpy as np
+from numpy.lib.recfunctions import unstructured_to_structured
 
-from mlscli.io.bagwriter import MAP, BagWriter
+from mlscli.io.bagwriter import CLOUD_TYPE, BagWriter
 
 CELL, POINTS_PER_CELL, MESSAGE, LANES = 0.1, 10, 200_000, 20
 # A neighbourhood of the usual number of points, for cells that hold so many.
@@ -28,13 +29,14 @@ def write_survey(path: Path, points: int) -> None:
     rng = np.random.default_rng(1)
     side = (points / POINTS_PER_CELL) ** 0.5 * CELL
     messages = max(LANES, points // MESSAGE)
-    with BagWriter(path, "ros1") as bag:
+    with BagWriter(path, "ros1", {"/cloud": CLOUD_TYPE}) as bag:
         for number in range(messages):
             lane, along = divmod(number * LANES / messages, 1)
             x = side * (along + rng.uniform(0, LANES / messages, points // messages))
             y = side / LANES * (lane + rng.uniform(-0.2, 1.2, len(x)))
             z = 3 * np.sin(x / 20) * np.cos(y / 30) + rng.normal(0, CELL / 5, len(x))
-            bag.cloud(number * 10**8, MAP, np.column_stack((x, y, z)))
+            xyz = unstructured_to_structured(np.column_stack((x, y, z)), names=list("xyz"))
+            bag.cloud("/cloud", number * 10**8, "map", xyz)
 
 
 @click.command()

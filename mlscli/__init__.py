@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from mlscli.io.obj import write_obj
     from mlscli.io.ply import write_ply
     from mlscli.io.recording import open_recording
+    from mlscli.io.replay import write_replay
     from mlscli.mesh import build_mesh
     from mlscli.pipeline.builder import MapBuilder, build_map
     from mlscli.surface_map import SurfaceMap
+    from mlscli.view.page import write_page
 
 __version__ = "0.1.0"
 
@@ -38,7 +40,9 @@ __all__ = [
     "write_glb",
     "write_map",
     "write_obj",
+    "write_page",
     "write_ply",
+    "write_replay",
 ]
 
 _HOMES = {
@@ -53,7 +57,9 @@ _HOMES = {
     "write_glb": ("mlscli.io.glb", "write_glb"),
     "write_map": ("mlscli.io.mapfile", "write_map"),
     "write_obj": ("mlscli.io.obj", "write_obj"),
+    "write_page": ("mlscli.view.page", "write_page"),
     "write_ply": ("mlscli.io.ply", "write_ply"),
+    "write_replay": ("mlscli.io.replay", "write_replay"),
 }
 
 

@@ -65,6 +65,12 @@ if TYPE_CHECKING:
     help="The folder for what --memory leaves no room for; by default the system's for temporary "
     "files. Nothing stays there.",
 )
+@click.option(
+    "--replay",
+    metavar="FILE",
+    help="Write the map as it grew, too: an MCAP file for Foxglove Studio and RViz, with the "
+    "recording's times.",
+)
 @configured
 @reading
 @overwrite
@@ -77,6 +83,7 @@ def command(
     jobs: int | None,
     memory: int | None,
     scratch: str | None,
+    replay: str | None,
     config: str | None,
     settings: tuple[str, ...],
     overwrite: bool,
@@ -95,30 +102,42 @@ def command(
     from mlscli.io.recording import open_recording
     from mlscli.pipeline.builder import build
     from mlscli.pipeline.large import build_large
+    from mlscli.surface_map import SurfaceMap
 
     begin = time.perf_counter()
     parameters = load(config, settings)
-    _check_together(parameters, growing, jobs, memory, scratch)
+    _check_together(parameters, growing or replay is not None, jobs, memory, scratch)
     target = output or default_output(sources[0])
     refuse_existing(target, overwrite=overwrite, sources=sources)
     if dry_run:
-        follow = _nobody if growing else None
-        return dryrun.tell(target, sources, parameters, follow, selection, as_json=as_json)
+        return dryrun.tell(
+            target, sources, parameters, _nobody if growing else None, selection, as_json=as_json
+        )
+    if replay is not None:
+        if Path(replay).absolute() == Path(target).absolute():
+            raise UsageError(f"--replay {replay}: is the map's name; choose another")
+        refuse_existing(replay, overwrite=overwrite, sources=sources)
     recording = open_recording(*sources, **selection)
     notes = recording.notes
     for note in notes:
         say(f"mls: {note}")
 
+    changes: list[Change] = []
+    follow = changes.append if replay is not None else _nobody if growing else None
     with ProgressBar() as progress, ExitStack() as stack:
         built: Build | LargeBuild
         if memory is None:
-            built = build(recording, parameters, progress, _nobody if growing else None, jobs)
+            built = build(recording, parameters, progress, follow, jobs)
         else:
             large = build_large(
                 recording, parameters, memory, scratch=scratch, jobs=jobs, progress=progress
             )
             built = stack.enter_context(large)
         write_map(target, built.surface, overwrite=overwrite)
+        if replay is not None and isinstance(built.surface, SurfaceMap):
+            from mlscli.io.replay import write_replay
+
+            write_replay(replay, built.surface, changes, overwrite=overwrite)
         account = _account(target, built, recording.losses)
     for note in recording.notes:
         if note not in notes:
@@ -141,7 +160,7 @@ def default_output(source: str) -> str:
 
 def _check_together(
     parameters: Parameters,
-    growing: bool,
+    followed: bool,
     jobs: int | None,
     memory: int | None,
     scratch: str | None,
@@ -152,8 +171,10 @@ def _check_together(
             raise UsageError(
                 f"{option}: a sequential map is made batch by batch; set mode=consistent"
             )
-        if value is not None and growing:
-            raise UsageError(f"{option}: does not go with --growing; leave one of them out")
+        if value is not None and followed:
+            raise UsageError(
+                f"{option}: does not go with --growing or --replay; leave one of them out"
+            )
     if scratch is not None and memory is None:
         raise UsageError("--scratch: says where --memory puts what it leaves no room for; add it")
 

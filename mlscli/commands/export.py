@@ -13,8 +13,9 @@ from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
     from mlscli.mesh.colours import ColourBy
+    from mlscli.surface_map import SurfaceMap
 
-Format: TypeAlias = Literal["ply", "obj", "glb"]
+Format: TypeAlias = Literal["ply", "obj", "glb", "mcap"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 
@@ -63,7 +64,8 @@ def command(
     """Write a map as a mesh, for MeshLab, CloudCompare, Blender, a browser and the like.
 
     Without MAP the one map (.npz) in the current folder is taken. OBJ comes with a file of
-    materials (.mtl) beside it.
+    materials (.mtl) beside it. MCAP holds the finished map, uncovered as the flight saw it, for
+    Foxglove Studio and RViz.
     """
     map_file = Path(source) if source is not None else the_one_map()
     kind = _format(kind, output)
@@ -75,6 +77,15 @@ def command(
 
     from mlscli.io.glb import write_glb
     from mlscli.io.mapfile import read_map
+
+    if kind == "mcap":
+        if style != "surface" or max_slope is not None or no_artificial:
+            raise UsageError("--format mcap: holds all of the map; leave out how it is to be drawn")
+        surface = read_map(map_file)
+        _replay(target, surface, overwrite=overwrite)
+        _tell(target, kind, {"patches": surface.size}, as_json=as_json)
+        return
+
     from mlscli.io.obj import write_obj
     from mlscli.io.ply import write_ply
     from mlscli.mesh import MAX_SLOPE, build_mesh
@@ -93,6 +104,18 @@ def command(
         "triangles": len(mesh.triangles),
         "lines": len(mesh.lines),
     }
+    _tell(target, kind, counts, as_json=as_json)
+
+
+def _replay(target: Path, surface: SurfaceMap, *, overwrite: bool) -> None:
+    """Write the map as the flight saw it."""
+    from mlscli.growth import growth
+    from mlscli.io.replay import write_replay
+
+    write_replay(target, surface, growth(surface), overwrite=overwrite)
+
+
+def _tell(target: Path, kind: str, counts: dict[str, int], *, as_json: bool) -> None:
     if as_json:
         import json
 
@@ -109,5 +132,7 @@ def _format(kind: Format | None, output: str | None) -> Format:
     if kind and by_ending and kind != by_ending:
         raise UsageError(f"--format {kind}: {output} ends in .{by_ending}; let them agree")
     if output is not None and not (kind or by_ending):
-        raise UsageError(f"{output}: does not end in .ply, .obj or .glb; say which with --format")
+        raise UsageError(
+            f"{output}: does not end in .ply, .obj, .glb or .mcap; say which with --format"
+        )
     return kind or by_ending or "ply"

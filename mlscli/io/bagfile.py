@@ -25,14 +25,27 @@ import numpy as np
 
 from mlscli.errors import OutputError, UsageError
 from mlscli.io.atomic import refuse_existing
-from mlscli.io.bagwriter import BASE, CAMERA, MAP, TF, TF_STATIC, BagWriter, Kind
+from mlscli.io.bagwriter import (
+    CLOUD_TYPE,
+    ODOMETRY_TYPE,
+    TF,
+    TF_STATIC,
+    TF_TYPE,
+    BagWriter,
+    Kind,
+)
 from mlscli.keyframes import Keyframe
 from mlscli.typing import Float64
+
+CLOUD, ODOMETRY = "/cloud", "/odom"
+TOPICS = {TF_STATIC: TF_TYPE, TF: TF_TYPE, ODOMETRY: ODOMETRY_TYPE, CLOUD: CLOUD_TYPE}
+MAP, BASE, CAMERA = "map", "base_link", "camera"
 
 MOUNT = ((0.06, 0.0, -0.04), (0.5**0.5, -(0.5**0.5), 0.0, 0.0))
 """The camera on the craft, T_base_camera: it looks straight down, its image's top ahead."""
 
 _NANOSECONDS = 10**9
+_POINT = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
 
 
 def write_bag(
@@ -72,18 +85,20 @@ def write_bag(
                 f"{path}: keyframe {number} has the time {keyframe.stamp} and the position "
                 f"{keyframe.position}; a bag needs both known"
             )
-    with _whole(Path(path), kind, overwrite=overwrite) as target, BagWriter(target, kind) as bag:
+    with (
+        whole_bag(path, kind, overwrite=overwrite) as target,
+        BagWriter(target, kind, TOPICS) as bag,
+    ):
         for number, (keyframe, attitude) in enumerate(zip(keyframes, attitudes, strict=True)):
-            stamp = _nanoseconds(keyframe.stamp)
+            stamp = nanoseconds(keyframe.stamp)
             if number == 0:
                 bag.transform(TF_STATIC, stamp, BASE, CAMERA, *MOUNT)
             quaternion = attitude.tolist()
             bag.transform(TF, stamp, MAP, BASE, keyframe.position, quaternion)
-            bag.odometry(stamp, keyframe.position, quaternion)
-            if sensor_frame:
-                bag.cloud(stamp, CAMERA, _in_camera(keyframe, attitude))
-            else:
-                bag.cloud(stamp, MAP, keyframe.points)
+            bag.odometry(ODOMETRY, stamp, (MAP, BASE), keyframe.position, quaternion)
+            points = _in_camera(keyframe, attitude) if sensor_frame else keyframe.points
+            records = np.ascontiguousarray(points, dtype="<f8").view(_POINT).reshape(-1)
+            bag.cloud(CLOUD, stamp, CAMERA if sensor_frame else MAP, records)
 
 
 def refuse_existing_bag(path: str | os.PathLike[str], kind: Kind, *, overwrite: bool) -> None:
@@ -109,8 +124,17 @@ def refuse_existing_bag(path: str | os.PathLike[str], kind: Kind, *, overwrite: 
 
 
 @contextmanager
-def _whole(target: Path, kind: Kind, *, overwrite: bool) -> Iterator[Path]:
-    """Yield a path for the writer that becomes `target` when the block ends without an error."""
+def whole_bag(
+    path: str | os.PathLike[str], kind: Kind, *, overwrite: bool = False
+) -> Iterator[Path]:
+    """Yield a path for the writer that becomes `path` when the block ends without an error.
+
+    Raises
+    ------
+    OutputError
+        As `refuse_existing_bag`, and where the bag cannot be written.
+    """
+    target = Path(path)
     refuse_existing_bag(target, kind, overwrite=overwrite)
     target = target.absolute()
     try:
@@ -148,7 +172,7 @@ def _unwritable(target: Path, error: Exception) -> OutputError:
     return OutputError(f"{target}: cannot be written: {getattr(error, 'strerror', None) or error}")
 
 
-def _nanoseconds(seconds: float) -> int:
+def nanoseconds(seconds: float) -> int:
     """Return a time in nanoseconds, without the digits that a product of large numbers loses."""
     whole = math.floor(seconds)
     return whole * _NANOSECONDS + round((seconds - whole) * _NANOSECONDS)

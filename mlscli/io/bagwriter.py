@@ -1,8 +1,8 @@
-"""The topics and messages of a recorded flight, for the bags that rosbags writes."""
+"""The messages of recorded flights and of maps, for the bags that rosbags writes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,47 +16,69 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from mlscli.typing import Float64
+from mlscli.io.pointcloud2 import DATATYPES
+from mlscli.typing import Array, Float64, Int32, UInt8
 
 Kind = Literal["ros1", "ros2", "mcap"]
 
-CLOUD, ODOMETRY, TF, TF_STATIC = "/cloud", "/odom", "/tf", "/tf_static"
-MAP, BASE, CAMERA = "map", "base_link", "camera"
+TF, TF_STATIC = "/tf", "/tf_static"
 
-_CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
-_ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
-_TF_TYPE = "tf2_msgs/msg/TFMessage"
-_FLOAT64 = 8
+TF_TYPE = "tf2_msgs/msg/TFMessage"
+CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
+ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
+PATH_TYPE = "nav_msgs/msg/Path"
+MARKER_TYPE = "visualization_msgs/msg/Marker"
+
+_TRIANGLE_LIST = 11
+_NUMBERS = {name: number for number, name in DATATYPES.items()}
+_NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _NANOSECONDS = 10**9
 _FOREVER = QosTime(2147483647, 4294967295)
 
 
 class BagWriter:
-    """A bag being written, with its four topics."""
+    """A bag being written.
 
-    def __init__(self, path: Path, kind: Kind) -> None:
+    Parameters
+    ----------
+    path : Path
+        Of a file, or of a folder that is made.
+    kind : {"ros1", "ros2", "mcap"}
+    topics : mapping of str to str
+        The topics and their types.
+    compressed : bool
+        Whether chunks of an MCAP file are compressed.
+    """
+
+    def __init__(
+        self, path: Path, kind: Kind, topics: Mapping[str, str], *, compressed: bool = False
+    ) -> None:
+        self._topics = topics
         self._is_ros1 = kind == "ros1"
         self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.LATEST)
         if self._is_ros1:
             # ROS 1 has it in a package that the types of its distribution lack.
             definition = "geometry_msgs/TransformStamped[] transforms"
-            self._store.register(get_types_from_msg(definition, _TF_TYPE))
+            self._store.register(get_types_from_msg(definition, TF_TYPE))
         self._types: Any = self._store.types
-        plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-        self._writer: Any = (
-            Writer1(path) if self._is_ros1 else Writer2(path, version=9, storage_plugin=plugin)
-        )
+        self._writer: Any
+        if self._is_ros1:
+            self._writer = Writer1(path)
+        else:
+            plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
+            writer = Writer2(path, version=9, storage_plugin=plugin)
+            if compressed:
+                writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            self._writer = writer
         self._connections: dict[str, Any] = {}
 
     def __enter__(self) -> BagWriter:
         self._writer.__enter__()
-        for topic, type_ in (
-            (TF_STATIC, _TF_TYPE), (TF, _TF_TYPE), (ODOMETRY, _ODOMETRY_TYPE), (CLOUD, _CLOUD_TYPE),
-        ):  # fmt: skip
+        for topic, type_ in self._topics.items():
             options: dict[str, Any] = {}
             if topic == TF_STATIC:
                 # It is told once, also to those who listen later.
@@ -92,57 +114,128 @@ class BagWriter:
                 rotation=self._quaternion(rotation),
             ),
         )
-        self._write(topic, stamp, self._new(_TF_TYPE, transforms=[transform]))
+        self._write(topic, stamp, self._new(TF_TYPE, transforms=[transform]))
 
-    def odometry(self, stamp: int, position: Sequence[float], attitude: Sequence[float]) -> None:
-        """Write where the craft is in the map, and its attitude; its speed is not told."""
-        x, y, z = position
-        pose = self._new(
-            "geometry_msgs/msg/Pose",
-            position=self._new("geometry_msgs/msg/Point", x=x, y=y, z=z),
-            orientation=self._quaternion(attitude),
-        )
+    def odometry(
+        self,
+        topic: str,
+        stamp: int,
+        frames: tuple[str, str],
+        position: Sequence[float],
+        attitude: Sequence[float],
+    ) -> None:
+        """Write where the second of the frames is in the first, and how it is turned.
+
+        Its speed is not told.
+        """
         still = self._new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
         twist = self._new("geometry_msgs/msg/Twist", linear=still, angular=still)
         message = self._new(
-            _ODOMETRY_TYPE,
-            header=self._header(stamp, MAP),
-            child_frame_id=BASE,
+            ODOMETRY_TYPE,
+            header=self._header(stamp, frames[0]),
+            child_frame_id=frames[1],
             pose=self._new(
-                "geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36)
+                "geometry_msgs/msg/PoseWithCovariance",
+                pose=self._pose(position, attitude),
+                covariance=np.zeros(36),
             ),
             twist=self._new(
                 "geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)
             ),
         )
-        self._write(ODOMETRY, stamp, message)
+        self._write(topic, stamp, message)
 
-    def cloud(self, stamp: int, frame_id: str, points: Float64) -> None:
-        """Write a cloud (N, 3)."""
-        step = 3 * 8
+    def path(
+        self, topic: str, stamp: int, frame_id: str, stamps: Sequence[int], positions: Float64
+    ) -> None:
+        """Write a way through positions (K, 3), each with the time (ns) it was passed at."""
+        poses = [
+            self._new(
+                "geometry_msgs/msg/PoseStamped",
+                header=self._header(passed, frame_id),
+                pose=self._pose(position, _NO_TURN),
+            )
+            for passed, position in zip(stamps, positions.tolist(), strict=True)
+        ]
+        self._write(
+            topic, stamp, self._new(PATH_TYPE, header=self._header(stamp, frame_id), poses=poses)
+        )
+
+    def cloud(self, topic: str, stamp: int, frame_id: str, points: Array) -> None:
+        """Write a cloud: records (N,), whose fields become those of the points."""
+        layout = points.dtype
         fields = [
             self._new(
                 "sensor_msgs/msg/PointField",
                 name=name,
-                offset=8 * place,
-                datatype=_FLOAT64,
+                offset=offset,
+                datatype=_NUMBERS[dtype.str[1:]],
                 count=1,
             )
-            for place, name in enumerate("xyz")
+            for name, (dtype, offset, *_) in (layout.fields or {}).items()
         ]
         message = self._new(
-            _CLOUD_TYPE,
+            CLOUD_TYPE,
             header=self._header(stamp, frame_id),
             height=1,
             width=len(points),
             fields=fields,
             is_bigendian=False,
-            point_step=step,
-            row_step=step * len(points),
-            data=np.frombuffer(points.astype("<f8").tobytes(), dtype=np.uint8),
+            point_step=layout.itemsize,
+            row_step=layout.itemsize * len(points),
+            data=np.frombuffer(points.tobytes(), dtype=np.uint8),
             is_dense=True,
         )
-        self._write(CLOUD, stamp, message)
+        self._write(topic, stamp, message)
+
+    def triangles(
+        self,
+        topic: str,
+        stamp: int,
+        frame_id: str,
+        vertices: Float64,
+        colours: UInt8,
+        triangles: Int32,
+    ) -> None:
+        """Write a marker that lists triangles (T, 3) of vertices (V, 3), in their colours (V, 3).
+
+        It takes the place of the marker before it on its topic.
+        """
+        # Corners that share a vertex, and vertices that share a colour, share the object.
+        used, corner = np.unique(triangles, return_inverse=True)
+        shades, shade = np.unique(colours[used], axis=0, return_inverse=True)
+        points = [
+            self._new("geometry_msgs/msg/Point", x=x, y=y, z=z)
+            for x, y, z in vertices[used].tolist()
+        ]
+        tints = [self._colour(*channels) for channels in (shades / 255).tolist()]
+        header, origin = self._header(stamp, frame_id), self._pose((0.0, 0.0, 0.0), _NO_TURN)
+        nothing = np.empty(0, dtype=np.uint8)
+        message = self._new(
+            MARKER_TYPE,
+            header=header,
+            ns=topic,
+            id=0,
+            type=_TRIANGLE_LIST,
+            action=0,
+            pose=origin,
+            scale=self._new("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0),
+            color=self._colour(1.0, 1.0, 1.0),
+            lifetime=self._new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
+            frame_locked=False,
+            points=[points[i] for i in corner.ravel().tolist()],
+            colors=[tints[i] for i in shade.ravel()[corner.ravel()].tolist()],
+            texture_resource="",
+            texture=self._new(
+                "sensor_msgs/msg/CompressedImage", header=header, format="", data=nothing
+            ),
+            uv_coordinates=[],
+            text="",
+            mesh_resource="",
+            mesh_file=self._new("visualization_msgs/msg/MeshFile", filename="", data=nothing),
+            mesh_use_embedded_materials=False,
+        )
+        self._write(topic, stamp, message)
 
     def _new(self, type_: str, **fields: Any) -> Any:
         return self._types[type_](**fields)
@@ -152,6 +245,17 @@ class BagWriter:
         time = self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
         sequence = {"seq": 0} if self._is_ros1 else {}
         return self._new("std_msgs/msg/Header", **sequence, stamp=time, frame_id=frame_id)
+
+    def _pose(self, position: Sequence[float], attitude: Sequence[float]) -> Any:
+        x, y, z = position
+        return self._new(
+            "geometry_msgs/msg/Pose",
+            position=self._new("geometry_msgs/msg/Point", x=x, y=y, z=z),
+            orientation=self._quaternion(attitude),
+        )
+
+    def _colour(self, red: float, green: float, blue: float) -> Any:
+        return self._new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0)
 
     def _quaternion(self, rotation: Sequence[float]) -> Any:
         x, y, z, w = rotation

@@ -17,7 +17,7 @@ from mlscli.io.parts import MalformedCloudError, Part, keyframe_field, part_of, 
 from mlscli.typing import Array, Float64
 
 # sensor_msgs/PointField: the number of a datatype and what it stands for.
-_DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 
 
 class Field(NamedTuple):
@@ -109,7 +109,7 @@ def decode_pointcloud2(message: Any) -> list[Part]:
             (height, width),
             _strides(len(message.data), height, width, *steps),
             fields,
-            _DATATYPES,
+            DATATYPES,
             ">" if message.is_bigendian else "<",
         ).unpack()
     return [part_of(points, message.header.frame_id, message.header.stamp, keyframes)]

@@ -16,7 +16,7 @@ from mlscli.growth import appearing, patch_places
 from mlscli.mesh import ROUTE, Mesh, build_mesh
 from mlscli.mesh.colours import height_colours, height_range, patch_colours
 from mlscli.surface_map import ARTIFICIAL, SurfaceMap
-from mlscli.typing import Bool, Float64, Int32, Int64, UInt8
+from mlscli.typing import Float64, Int32, Int64, UInt8
 
 # An upright triangle has hardly any area seen from above.
 UPRIGHT = 1e-6
@@ -100,15 +100,25 @@ def picture(
     return Picture(vertices, layers, when)
 
 
+def faces(mesh: Mesh) -> dict[str, Int32]:
+    """Return the triangles of a mesh: surfaces, walls, and what of both is artificial."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
+    normal = np.cross(b - a, c - a)
+    upright = np.abs(normal[:, 2]) <= UPRIGHT * np.linalg.norm(normal, axis=1)
+    artificial = mesh.group(mesh.triangles) == ARTIFICIAL
+    return {
+        "surface": mesh.triangles[~artificial & ~upright],
+        "walls": mesh.triangles[~artificial & upright],
+        "artificial": mesh.triangles[artificial],
+    }
+
+
 def _triangles(surface: SurfaceMap, mesh: Mesh, appears: Int32) -> list[Layer]:
     """Return surfaces, walls, and what of both is artificial."""
-    when = appears[_patch_of(surface, mesh.vertices)][mesh.triangles].max(axis=1, initial=0)
-    artificial = mesh.group(mesh.triangles) == ARTIFICIAL
-    upright = _upright(mesh)
+    when = appears[_patch_of(surface, mesh.vertices)]
     return [
-        _sorted("surface", "mesh", mesh.triangles, when, ~artificial & ~upright),
-        _sorted("walls", "mesh", mesh.triangles, when, ~artificial & upright),
-        _sorted("artificial", "mesh", mesh.triangles, when, artificial),
+        _sorted(name, "mesh", triangles, when[triangles].max(axis=1, initial=0))
+        for name, triangles in faces(mesh).items()
     ]
 
 
@@ -126,20 +136,25 @@ def _patch_of(surface: SurfaceMap, places: Float64) -> Int64:
     return patch
 
 
-def _upright(mesh: Mesh) -> Bool:
-    a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
-    normal = np.cross(b - a, c - a)
-    upright: Bool = np.abs(normal[:, 2]) <= UPRIGHT * np.linalg.norm(normal, axis=1)
-    return upright
-
-
 def _ground_route(surface: SurfaceMap, mesh: Mesh) -> Layer:
-    """Return the route on the ground, each leg with the keyframe that was first at its end."""
-    first = {(x, y): row for row, (_, x, y, _) in reversed([*enumerate(surface.route.tolist())])}
+    """Return the route on the ground, each leg with the next keyframe that the craft came to."""
+    rows: dict[tuple[float, float], list[int]] = {}
+    for row, (_, x, y, _) in enumerate(surface.route.tolist()):
+        rows.setdefault((x, y), []).append(row)
+    # The route's vertices follow each other; between keyframes there can be more of them.
+    when = np.zeros(len(mesh.vertices), dtype=np.int32)
+    reached, waiting = 0, []
+    for vertex in np.flatnonzero(mesh.origin == ROUTE).tolist():
+        x, y = mesh.vertices[vertex, :2].tolist()
+        later = [row for row in rows.get((x, y), ()) if row >= reached]
+        waiting.append(vertex)
+        if later:
+            reached = later[0]
+            when[waiting] = reached
+            waiting = []
+    when[waiting] = reached
     legs = mesh.lines[mesh.group(mesh.lines) == ROUTE]
-    ends = mesh.vertices[legs[:, 1], :2].tolist()
-    when = np.array([first.get((x, y), 0) for x, y in ends], dtype=np.int32)
-    return _sorted("route", "mesh", legs, when)
+    return _sorted("route", "mesh", legs, when[legs].max(axis=1, initial=0))
 
 
 def _track(surface: SurfaceMap) -> tuple[Vertices, Layer]:
@@ -184,16 +199,8 @@ def _points(surface: SurfaceMap, points: Float64) -> tuple[Vertices, Layer]:
 
 
 def _sorted(
-    name: str,
-    vertices: str,
-    elements: Int32 | Int64,
-    when: Int32,
-    chosen: Bool | None = None,
-    *,
-    shown: bool = True,
+    name: str, vertices: str, elements: Int32 | Int64, when: Int32, *, shown: bool = True
 ) -> Layer:
-    """Return the layer of the chosen elements, in the order in which they appear."""
-    if chosen is not None:
-        elements, when = elements[chosen], when[chosen]
+    """Return a layer, its elements in the order in which they appear."""
     order = np.argsort(when, kind="stable")
     return Layer(name, vertices, elements[order].astype(np.int64), when[order], shown)

@@ -108,13 +108,14 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
     place = shown.vertices["patches"].position
     low, high = _box(place)
     origin = (low + high) / 2
-    vertices = {
-        name: {
-            "position": pieces.add((position - origin).astype("<f4")),
-            "colour": pieces.add(colour),
+    with np.errstate(over="ignore"):
+        vertices = {
+            name: {
+                "position": pieces.add((position - origin).astype("<f4")),
+                "colour": pieces.add(colour),
+            }
+            for name, (position, colour) in shown.vertices.items()
         }
-        for name, (position, colour) in shown.vertices.items()
-    }
     layers = [
         {
             "name": layer.name,

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 
 from mlscli.io.mapfile import read_map
 from tests.bags import Sent, write_bag
@@ -178,6 +179,23 @@ def test_clouds_that_no_pose_reaches_are_told_with_their_time(
     assert "--time-source header" in again.stderr
 
 
+def test_a_replay_ends_with_the_map_and_leaves_it_the_same(folder: Path) -> None:
+    assert mls("build", "flight.txt", "-o", "alone.npz", cwd=folder).returncode == 0
+    done = mls("build", "flight.txt", "--replay", "grown.mcap", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    surface = read_map(folder / "flight.npz")
+    assert surface == read_map(folder / "alone.npz")
+    with AnyReader([folder / "grown.mcap"]) as reader:
+        (topic,) = (each for each in reader.connections if each.topic == "/mls/patches")
+        sizes = [
+            reader.deserialize(data, each.msgtype).width  # type: ignore[attr-defined]
+            for each, _, data in reader.messages([topic])
+        ]
+    # The two halves of the flight are two batches.
+    assert len(sizes) == 2
+    assert sizes[0] < sizes[1] == surface.size
+
+
 BAD_INPUT = {
     "no such file": (["nosuch.bag"], 1, "nosuch.bag: "),
     "a folder without a bag": (["empty"], 1, "metadata.yaml"),
@@ -188,6 +206,17 @@ BAD_INPUT = {
     "an existing output": (["flight.txt", "-o", "there.npz"], 1, "there.npz: exists already"),
     "an output that is the source": (
         ["flight.txt", "-o", "./flight.txt", "--overwrite"],
+        1,
+        "is the source itself",
+    ),
+    "a replay that is there": (["flight.txt", "--replay", "there.npz"], 1, "exists already"),
+    "a replay that is the map": (
+        ["flight.txt", "-o", "a.npz", "--replay", "./a.npz"],
+        2,
+        "--replay ./a.npz: is the map's name",
+    ),
+    "a replay that is the source": (
+        ["flight.txt", "--replay", "flight.txt", "--overwrite"],
         1,
         "is the source itself",
     ),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 from click.testing import CliRunner, Result
+from mcap.reader import make_reader
 
 from mlscli.commands.export import command
 from mlscli.errors import InputError, OutputError, UsageError
@@ -99,7 +100,7 @@ def test_the_format_is_the_one_named_or_the_output_s_ending(
 def test_an_ending_that_says_nothing_is_refused(folder: Path) -> None:
     error = complaint("-o", "a.stl")
     assert isinstance(error, UsageError)
-    assert "a.stl: does not end in .ply, .obj or .glb" in str(error)
+    assert "a.stl: does not end in .ply, .obj, .glb or .mcap" in str(error)
     assert not (folder / "a.stl").exists()
 
 
@@ -137,3 +138,24 @@ def test_overwrite_replaces_what_exists(folder: Path) -> None:
     (folder / "house.ply").write_bytes(b"mine")
     assert export("--overwrite").exit_code == 0
     assert (folder / "house.ply").read_bytes().startswith(b"ply\n")
+
+
+def test_a_map_becomes_a_replay_of_its_flight(folder: Path) -> None:
+    surface = house()
+    assert export("house.npz", "--format", "mcap").stdout == f"house.mcap: {surface.size} patches\n"
+    with (folder / "house.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = summary.statistics.channel_message_counts
+    topics = {channel.topic: counts[number] for number, channel in summary.channels.items()}
+    # Its patches were first seen by one keyframe, and the craft was at seven places.
+    assert (topics["/mls/patches"], topics["/tf"]) == (1, 7)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_replay_takes_no_options_of_drawing() -> None:
+    for options in (["--style", "patches"], ["--max-slope", "2"], ["--no-artificial"]):
+        error = complaint("house.npz", "-o", "a.mcap", *options)
+        assert isinstance(error, UsageError)
+        assert "--format mcap" in str(error)
