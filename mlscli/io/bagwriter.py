@@ -21,6 +21,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mlscli.io.pointcloud2 import DATATYPES
+from mlscli.io.trianglelist import TriangleLists
 from mlscli.typing import Array, Float64, Int32, UInt8
 
 Kind = Literal["ros1", "ros2", "mcap"]
@@ -31,9 +32,7 @@ TF_TYPE = "tf2_msgs/msg/TFMessage"
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 PATH_TYPE = "nav_msgs/msg/Path"
-MARKER_TYPE = "visualization_msgs/msg/Marker"
 
-_TRIANGLE_LIST = 11
 _NUMBERS = {name: number for number, name in DATATYPES.items()}
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _NANOSECONDS = 10**9
@@ -64,6 +63,8 @@ class BagWriter:
             # ROS 1 has it in a package that the types of its distribution lack.
             definition = "geometry_msgs/TransformStamped[] transforms"
             self._store.register(get_types_from_msg(definition, TF_TYPE))
+        else:
+            self._triangle_lists = TriangleLists(self._store)
         self._types: Any = self._store.types
         self._writer: Any
         if self._is_ros1:
@@ -199,43 +200,12 @@ class BagWriter:
     ) -> None:
         """Write a marker that lists triangles (T, 3) of vertices (V, 3), in their colours (V, 3).
 
-        It takes the place of the marker before it on its topic.
+        It takes the place of the marker before it on its topic. There is none in ROS 1.
         """
-        # Corners that share a vertex, and vertices that share a colour, share the object.
-        used, corner = np.unique(triangles, return_inverse=True)
-        shades, shade = np.unique(colours[used], axis=0, return_inverse=True)
-        points = [
-            self._new("geometry_msgs/msg/Point", x=x, y=y, z=z)
-            for x, y, z in vertices[used].tolist()
-        ]
-        tints = [self._colour(*channels) for channels in (shades / 255).tolist()]
-        header, origin = self._header(stamp, frame_id), self._pose((0.0, 0.0, 0.0), _NO_TURN)
-        nothing = np.empty(0, dtype=np.uint8)
-        message = self._new(
-            MARKER_TYPE,
-            header=header,
-            ns=topic,
-            id=0,
-            type=_TRIANGLE_LIST,
-            action=0,
-            pose=origin,
-            scale=self._new("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0),
-            color=self._colour(1.0, 1.0, 1.0),
-            lifetime=self._new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
-            frame_locked=False,
-            points=[points[i] for i in corner.ravel().tolist()],
-            colors=[tints[i] for i in shade.ravel()[corner.ravel()].tolist()],
-            texture_resource="",
-            texture=self._new(
-                "sensor_msgs/msg/CompressedImage", header=header, format="", data=nothing
-            ),
-            uv_coordinates=[],
-            text="",
-            mesh_resource="",
-            mesh_file=self._new("visualization_msgs/msg/MeshFile", filename="", data=nothing),
-            mesh_use_embedded_materials=False,
+        data = self._triangle_lists.serialized(
+            self._header(stamp, frame_id), topic, vertices, colours, triangles
         )
-        self._write(topic, stamp, message)
+        self._writer.write(self._connections[topic], stamp, data)
 
     def _new(self, type_: str, **fields: Any) -> Any:
         return self._types[type_](**fields)
@@ -253,9 +223,6 @@ class BagWriter:
             position=self._new("geometry_msgs/msg/Point", x=x, y=y, z=z),
             orientation=self._quaternion(attitude),
         )
-
-    def _colour(self, red: float, green: float, blue: float) -> Any:
-        return self._new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0)
 
     def _quaternion(self, rotation: Sequence[float]) -> Any:
         x, y, z, w = rotation

@@ -33,13 +33,13 @@ from mlscli.growth import patch_places
 from mlscli.io.bagfile import nanoseconds, whole_bag
 from mlscli.io.bagwriter import (
     CLOUD_TYPE,
-    MARKER_TYPE,
     PATH_TYPE,
     TF,
     TF_STATIC,
     TF_TYPE,
     BagWriter,
 )
+from mlscli.io.trianglelist import MARKER_TYPE
 from mlscli.mesh import build_mesh
 from mlscli.pipeline.change import Change
 from mlscli.pipeline.tiles import TiledMap

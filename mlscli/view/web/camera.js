@@ -21,7 +21,7 @@ class Camera {
   reset() {
     this.look(-110, 40);
     this.target = [...this.middle];
-    this.distance = 0.95 * this.radius / Math.sin(FIELD_OF_VIEW / 2);
+    this.distance = this.radius / Math.sin(FIELD_OF_VIEW / 2);
   }
 
   look(yaw, pitch) {

@@ -49,7 +49,8 @@ async function main() {
     if (depth[i] > 0) parts.push(`depth ${number(depth[i])}`);
     if (count[i]) {
       parts.push(`${count[i]} point${count[i] > 1 ? "s" : ""}`);
-      parts.push(`keyframes ${first_keyframe[i]} to ${last_keyframe[i]}`);
+      const [first, final] = [first_keyframe[i], last_keyframe[i]];
+      if (last > 0) parts.push(first < final ? `keyframes ${first} to ${final}` : `keyframe ${first}`);
     }
     return `${at}\n${parts.join(", ")}`;
   }
