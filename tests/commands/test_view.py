@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -96,6 +97,19 @@ def test_points_are_read_as_those_of_the_map_were(folder: Path) -> None:
     from mlscli.io.mapfile import read_map
 
     assert (_points(read_map("map.npz"), ("cloud.txt",))[:, 2] == 5).all()
+
+
+@pytest.mark.parametrize("reading", [{"topic": "/cloud"}, {"unheard_of": 1}])
+def test_points_that_the_map_s_options_do_not_fit_are_refused_with_these(
+    folder: Path, reading: dict[str, Any]
+) -> None:
+    (folder / "cloud.txt").write_text("1 2 3\n")
+    write_map("other.npz", replace(house(), meta={"reading": reading}))
+    error = view("other.npz", "--points", "cloud.txt", "--html", "a.html").exception
+    assert isinstance(error, UsageError)
+    assert str(error).startswith("--points: read as the map's recording was (")
+    assert next(iter(reading)) in str(error)
+    assert not (folder / "a.html").exists()
 
 
 @pytest.mark.usefixtures("folder")
