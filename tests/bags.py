@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mlscli.typing import Float64
+from tests.ros import STORES, build
 
 POINT_CLOUD_2 = "sensor_msgs/msg/PointCloud2"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud"
@@ -114,3 +115,29 @@ def _point_cloud_2(
         data=np.frombuffer(data, dtype=np.uint8),
         is_dense=False,
     )
+
+
+class Told(NamedTuple):
+    """A message to be written: its content as `tests.ros.build` takes it."""
+
+    topic: str
+    type: str
+    content: dict[str, Any]
+    log_time: int = 0
+
+
+def write_told(path: Path, messages: Iterable[Told], kind: str = "ros1") -> Path:
+    """Write messages of any type; kinds are ros1, ros2 and mcap."""
+    is_ros1 = kind == "ros1"
+    store = STORES["ros1" if is_ros1 else "cdr"]
+    plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
+    writer: Any = Writer1(path) if is_ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    connections: dict[str, Any] = {}
+    with writer:
+        for topic, type_, content, log_time in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, type_, typestore=store)
+            serialize = store.serialize_ros1 if is_ros1 else store.serialize_cdr
+            data = serialize(build(store, type_, content), type_)
+            writer.write(connections[topic], log_time, data)
+    return path

@@ -7,7 +7,8 @@ the craft's position on the way becomes the route.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -74,6 +75,9 @@ class Asked:
     trajectory: Trajectory | None = None
 
 
+_NEVER = np.array([np.nan])
+# Asked about this time, a tree only tells whether frames are connected.
+
 Way = Callable[[float], Pose | None]
 """T_map_cloud at a time; None where not known."""
 
@@ -114,6 +118,9 @@ class Placing:
             notes += _mount(tree, asked.mounting, sources)
         frame_id = _map_frame(sources, asked.frame, tree, track)
         placing = cls(frame_id, asked, tree, track, notes=notes)
+        if track is not None:
+            with _named(f"--pose-topic {asked.pose_topic}"):
+                placing._in_map(track, _NEVER)
         for source in sources:
             placing._check(source)
         return placing
@@ -194,7 +201,8 @@ class Placing:
                 f"{self.frame_id!r}, or transforms that lead to it"
             )
         # Refused at once where nothing connects the frames at any time.
-        self._tree.lookup(self.frame_id, frame, np.array([np.nan]))
+        with _named(source.label):
+            self._tree.lookup(self.frame_id, frame, _NEVER)
         return self._way_by_tree(frame)
 
     def _way_by_tree(self, frame: str) -> Way:
@@ -296,12 +304,20 @@ def _told_track(sources: Sequence[Source], topic: str) -> _Track:
         raise UsageError(
             f"--pose-topic {topic}: found no poses; topics with poses: {', '.join(there) or 'none'}"
         )
+    frames = sorted(
+        {(bare(poses.parent), bare(poses.child)) for poses in told if len(poses.stamps)}
+    )
+    if len(frames) > 1:
+        found = ", ".join(f"of {child or 'no frame'!r} in {parent!r}" for parent, child in frames)
+        raise InputError(
+            f"--pose-topic {topic}: tells poses {found}; expected those of one frame in one other"
+        )
     track = PoseTrack(
         stamps,
         np.concatenate([poses.translations for poses in told]),
         np.concatenate([poses.quaternions for poses in told]),
     )
-    return _Track(bare(told[0].parent), bare(told[0].child), track)
+    return _Track(*frames[0], track)
 
 
 def _mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) -> list[str]:
@@ -335,7 +351,11 @@ def _body(tree: TransformTree) -> str | None:
         for frame in frames:
             if frame.rpartition("/")[2] == name:
                 return frame
-    above = {parent for frame in frames for parent in tree.ancestors(frame)[1:]}
+    try:
+        above = {parent for frame in frames for parent in tree.ancestors(frame)[1:]}
+    except InputError:
+        # Frames that hang in a circle hang on no craft.
+        return None
     leaves = [frame for frame in frames if frame not in above]
     return leaves[0] if len(leaves) == 1 else None
 
@@ -353,7 +373,8 @@ def _map_frame(
         if track is not None:
             return track.parent or "map"
         if frame:
-            above = world_above(tree, frame)
+            with _named(source.label):
+                above = world_above(tree, frame)
             if above is None:
                 raise InputError(
                     f"{source.label}: the clouds are in the frame {frame!r}, expected a world "
@@ -382,6 +403,15 @@ def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
     tell = f"the transforms lead to {root!r} only" if root != frame else "no transforms lead on"
     ways = [f"--pose-topic {t.name} moves them with the craft" for t in source.topics() if t.poses]
     return "; ".join([tell, *ways[:2], f"where {root!r} stands still, --frame {root} says so"])
+
+
+@contextmanager
+def _named(what: str) -> Iterator[None]:
+    """Let errors of the tree say whose frames they are about."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error
 
 
 def _single(poses: Poses) -> Pose | None:
