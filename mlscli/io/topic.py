@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -40,6 +41,7 @@ class TopicSource:
         self._deserializer = Deserializer()
         self._split: set[str] = set()
         self._unreadable = ""
+        self._lost_beside: dict[str, None] = {}
         self._skipped = 0
         self._topics = self._describe()
 
@@ -78,8 +80,9 @@ class TopicSource:
 
     @property
     def losses(self) -> Sequence[str]:
-        """What the last pass could not read."""
-        return [*self._container.losses, *filter(None, [self._unreadable])]
+        """What the last pass could not read, and what could not of transforms and poses."""
+        of_clouds = filter(None, [*self._container.losses, self._unreadable])
+        return list(self._lost_beside | dict.fromkeys(of_clouds))
 
     def topics(self) -> Sequence[Topic]:
         """Describe all topics, by name."""
@@ -127,12 +130,10 @@ class TopicSource:
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
         """Tell where frames are in others, and whether they stay there.
 
-        Messages that cannot be read tell nothing.
+        Messages that cannot be read tell nothing, and are told in `losses`.
         """
-        for message in self._messages(TRANSFORM_TYPES):
-            stays = message.channel.topic.rpartition("/")[2] == "tf_static"
-            for poses in self._told(message, TRANSFORM_TYPES):
-                yield poses, stays
+        for topic, poses in self._told(TRANSFORM_TYPES):
+            yield poses, topic.rpartition("/")[2] == "tf_static"
 
     def poses(self, topic: str) -> Iterator[StampedPoses]:
         """Tell the poses of a topic; none where there is no such topic.
@@ -148,8 +149,7 @@ class TopicSource:
                 f"{self.path}: --pose-topic {topic}: {named[0].type} tells no poses; can be used: "
                 f"{', '.join(POSE_TYPES)}"
             )
-        for message in self._messages(POSE_TYPES, topic):
-            yield from self._told(message, POSE_TYPES)
+        yield from (poses for _, poses in self._told(POSE_TYPES, topic))
 
     # --- messages ---
 
@@ -173,16 +173,28 @@ class TopicSource:
         return CLOUD_TYPES[message.channel.type](self._deserializer.read(message))
 
     def _told(
-        self, message: Message, types: Mapping[str, Callable[[Any], list[StampedPoses]]]
-    ) -> list[StampedPoses]:
-        try:
-            told = types[message.channel.type](self._deserializer.read(message))
-        except (MalformedMessageError, MalformedCloudError):
-            return []
-        if self._clock == "log":
-            time = message.log_time / _NANOSECONDS
-            told = [poses._replace(stamps=np.full(len(poses.stamps), time)) for poses in told]
-        return told
+        self,
+        types: Mapping[str, Callable[[Any], list[StampedPoses]]],
+        topic: str | None = None,
+    ) -> Iterator[tuple[str, StampedPoses]]:
+        """Read poses, each with the topic that tells it."""
+        unreadable: Counter[str] = Counter()
+        for message in self._messages(types, topic):
+            try:
+                told = types[message.channel.type](self._deserializer.read(message))
+            except (MalformedMessageError, MalformedCloudError):
+                unreadable[message.channel.topic] += 1
+                continue
+            for poses in told:
+                stamps = poses.stamps
+                if self._clock == "log":
+                    stamps = np.full(len(stamps), message.log_time / _NANOSECONDS)
+                yield message.channel.topic, poses._replace(stamps=stamps)
+        lost = [
+            f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
+            for name, count in unreadable.items()
+        ]
+        self._lost_beside |= dict.fromkeys([*self._container.losses, *lost])
 
     # --- topics ---
 

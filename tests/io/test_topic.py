@@ -23,9 +23,10 @@ from mlscli.io.base import Cloud, Reading
 from mlscli.io.container import Message
 from mlscli.io.decoding import Deserializer
 from mlscli.io.formats import open_source
+from mlscli.io.recording import open_recording
 from mlscli.io.text import TextCloud
 from mlscli.io.topic import TopicSource
-from tests.bags import Sent, write_bag
+from tests.bags import Sent, Told, write_bag, write_told
 
 KINDS = ["ros1", "ros2", "mcap"]
 POINT_CLOUD = "sensor_msgs/msg/PointCloud"
@@ -211,3 +212,91 @@ def test_a_bag_of_early_ros_2_needs_no_definitions(tmp_path: Path, messages: lis
 
     assert isinstance(open_source(storage), TopicSource)
     assert len(list(open_source(storage).clouds())) == 4
+
+
+# Messages that cannot be read
+
+
+@pytest.mark.parametrize("broken", [b"", b"\x00\x01\x00\x00", None])
+def test_a_message_that_cannot_be_decoded_is_a_loss_among_others(
+    tmp_path: Path, messages: list[Sent], broken: bytes | None
+) -> None:
+    bag = write_bag(tmp_path / "flight", messages, "ros2")
+    with sqlite3.connect(storage_of(bag)) as database:
+        (whole,) = database.execute("SELECT data FROM messages WHERE id = 2").fetchone()
+        shorter = whole[:-40] if broken is None else broken
+        database.execute("UPDATE messages SET data = ? WHERE id = 2", (shorter,))
+    database.close()
+    source = open_source(bag)
+
+    clouds = list(source.clouds())
+
+    assert points_of(clouds) == [messages[k].points.tolist() for k in (0, 2, 3)]
+    (loss,) = source.losses
+    assert "/cloud: 1 of 4 messages cannot be read" in loss
+    assert list(source.clouds())
+    assert len(source.losses) == 1
+
+
+def test_a_cloud_that_contradicts_itself_is_a_loss_with_its_stamp(
+    tmp_path: Path, messages: list[Sent]
+) -> None:
+    bag = write_bag(tmp_path / "flight", messages, "ros2")
+    with sqlite3.connect(storage_of(bag)) as database:
+        (whole,) = database.execute("SELECT data FROM messages WHERE id = 3").fetchone()
+        seven = (7).to_bytes(4, "little")
+        assert whole.count(seven) > 0
+        header = whole[:24] + whole[24:32].replace(seven, b"\x09\0\0\0")
+        database.execute("UPDATE messages SET data = ? WHERE id = 3", (header + whole[32:],))
+    database.close()
+    source = open_source(bag)
+
+    assert len(list(source.clouds())) == 3
+    (loss,) = source.losses
+    assert "at 1600000000.123456" in loss
+    assert "bytes of data, expected" in loss
+
+
+def test_a_damaged_chunk_of_transforms_is_told_though_no_cloud_is_lost(tmp_path: Path) -> None:
+    told = [
+        Told("/tf", "tf2_msgs/msg/TFMessage", {"transforms": [hanging("map", "base_link", k)]}, k)
+        for k in range(4000)
+    ]
+    clouds = {"header": {"frame_id": "map"}, "points": [{"x": 1.0}]}
+    told += [Told("/cloud", POINT_CLOUD, clouds, 10_000)]
+    bag = write_told(tmp_path / "a.bag", told)
+    content = bytearray(bag.read_bytes())
+    record = content.index(b"op=\x02", 100_000)
+    content[record : record + 3] = b"xx="
+    bag.write_bytes(content)
+
+    recording = open_recording(bag)
+
+    assert len(list(recording.keyframes())) == 1
+    assert ["damaged" in loss for loss in recording.losses] == [True]
+
+
+def test_transforms_that_cannot_be_read_are_told(tmp_path: Path) -> None:
+    clouds = {"header": {"frame_id": "map"}, "points": [{"x": 1.0}]}
+    transforms = [
+        Told("/tf", "tf2_msgs/msg/TFMessage", {"transforms": [hanging("map", "base", k)]}, k)
+        for k in range(3)
+    ]
+    bag = write_told(tmp_path / "flight", [*transforms, Told("/c", POINT_CLOUD, clouds)], "ros2")
+    with sqlite3.connect(storage_of(bag)) as database:
+        database.execute("UPDATE messages SET data = substr(data, 1, 40) WHERE timestamp = 1")
+    database.close()
+
+    recording = open_recording(bag)
+
+    assert len(list(recording.keyframes())) == 1
+    assert ["/tf: 1 message cannot be read" in loss for loss in recording.losses] == [True]
+
+
+def hanging(parent: str, child: str, nanoseconds: int) -> dict[str, Any]:
+    """Return the content of a transform."""
+    return {
+        "header": {"stamp": {"sec": 1, "nanosec": nanoseconds}, "frame_id": parent},
+        "child_frame_id": child,
+        "transform": {"rotation": {"w": 1.0}},
+    }
