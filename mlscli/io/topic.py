@@ -207,7 +207,7 @@ class TopicSource:
         if not mappable:
             raise InputError(
                 f"{self.path}: holds no clouds, found {_listed(self._topics)}; can be mapped: "
-                f"{MAPPABLE}"
+                f"{MAPPABLE}{self._damage()}"
             )
         if len(mappable) > 1:
             raise UsageError(
@@ -221,11 +221,16 @@ class TopicSource:
         if not named:
             raise UsageError(
                 f"{self.path}: --topic {name}: no such topic, found {_listed(self._topics)}"
+                f"{self._damage()}"
             )
         topic = next((topic for topic in named if topic.mappable), named[0])
         if not topic.mappable:
             raise UsageError(f"{self.path}: --topic {name}: {topic.why_not}")
         return topic
+
+    def _damage(self) -> str:
+        """Say what may be the reason that a topic is missing."""
+        return "".join(f"; {loss}" for loss in self._container.losses)
 
     def _describe(self) -> list[Topic]:
         """Describe all topics; of those with clouds, the first message tells the frame."""

@@ -300,3 +300,14 @@ def hanging(parent: str, child: str, nanoseconds: int) -> dict[str, Any]:
         "child_frame_id": child,
         "transform": {"rotation": {"w": 1.0}},
     }
+
+
+def test_where_a_cut_took_the_topic_the_error_says_that_the_bag_breaks_off(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    cut = tmp_path / "cut.bag"
+    content = (shared_data / "bags/ros1_luminar_pc2_lz4.bag").read_bytes()
+    cut.write_bytes(content[:400_000])
+
+    with pytest.raises(UsageError, match=r"no such topic, found .*; .*breaks off in the chunk"):
+        list(open_source(cut, Reading(topic="/luminar_pointcloud")).clouds())
