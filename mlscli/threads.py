@@ -15,12 +15,17 @@ Result = TypeVar("Result")
 # A range worth a thread: below, starting one costs more than it saves. No longer, either, so that
 # an uneven load evens out, and an interrupt need not wait.
 WORTHWHILE = 4096
+LIGHT = 16
 
 _thread = threading.local()
 
 
 def in_ranges(
-    size: int, work: Callable[[int, int], Result], told: Callable[[int], None] | None = None
+    size: int,
+    work: Callable[[int, int], Result],
+    told: Callable[[int], None] | None = None,
+    *,
+    light: bool = False,
 ) -> list[Result]:
     """Call ``work(begin, end)`` on ranges that cover ``range(size)``, and list what they return.
 
@@ -34,8 +39,15 @@ def in_ranges(
         Releases the interpreter's lock, or gains nothing.
     told : callable, optional
         Called with how much of `size` is done, now and then.
+    light : bool
+        Whether the work is so light, some nanoseconds each, that only long ranges are worth it.
     """
-    pieces = max(1, -(-size // WORTHWHILE))
+    pieces = max(1, -(-size // (WORTHWHILE * (LIGHT if light else 1))))
+    if pieces == 1:
+        result = work(0, size)
+        if told is not None:
+            told(size)
+        return [result]
     bounds = [size * piece // pieces for piece in range(pieces + 1)]
     if (stopping := getattr(_thread, "stopping", None)) is not None:
         return [work(*ends) for ends in pairwise(bounds) if not _stop(stopping)]

@@ -9,17 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mlscli.cells import cell_indices, pack, unpack
 from mlscli.keyframes import Points
-from mlscli.patches import runs, upright
+from mlscli.patches import upright
+from mlscli.pipeline.ordering import cells_of, order_by_cell
 from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64, Int32, Int64, UInt32, UInt64
-
-
-def order_by_cell(keys: UInt64, z: Float64) -> Int64:
-    """Return the order of points by (cell key, height)."""
-    order: Int64 = np.lexsort((z, keys))
-    return order
+from mlscli.threads import in_ranges
+from mlscli.typing import Float64, Int32, Int64, UInt32
 
 
 def group(points: Points, cell_size: float, gap_size: float, thickness: float) -> SurfaceMap:
@@ -32,20 +27,30 @@ def group(points: Points, cell_size: float, gap_size: float, thickness: float) -
     cell_size, gap_size, thickness : float
         As in `SurfaceMap`.
     """
-    index = cell_indices(points.xyz[:, :2], cell_size).astype(np.int32)
-    keys = pack(index[:, 0], index[:, 1])
-    order = order_by_cell(keys, points.xyz[:, 2])
-    keys, z, keyframe = keys[order], points.xyz[order, 2], points.keyframe[order]
-    start = split_by_gaps(runs(keys), z, gap_size)
-    top, bottom, mean, variance, count, first, last = summarise(start, z, keyframe)
+    ix, iy = cells_of(points.xyz, cell_size)
+    order, cells, z = order_by_cell(ix, iy, points.xyz[:, 2])
+    start = split_by_gaps(cells, z, gap_size)
+    keyframe = points.keyframe[order]
+    groups = len(start) - 1
+    top, bottom, mean, variance = np.empty((4, groups))
+    count = np.empty(groups, dtype=np.uint32)
+    first, last = np.empty((2, groups), dtype=np.int32)
+
+    def summarise_groups(begin: int, end: int) -> None:
+        summarise(
+            start, begin, end, z, keyframe,
+            top, bottom, mean, variance, count, first, last,
+        )  # fmt: skip
+
+    in_ranges(groups, summarise_groups, light=True)
     height, depth = upright(top, bottom, mean, variance, thickness)
-    ix, iy = unpack(keys[start[:-1]])
+    one_of_each = order[start[:-1]]
     return SurfaceMap(
         cell_size,
         gap_size,
         thickness,
-        ix=ix,
-        iy=iy,
+        ix=ix[one_of_each],
+        iy=iy[one_of_each],
         height=height,
         depth=depth,
         top=top,
@@ -53,8 +58,8 @@ def group(points: Points, cell_size: float, gap_size: float, thickness: float) -
         mean=mean,
         variance=variance,
         count=count,
-        origin=np.zeros(len(ix), dtype=np.uint8),
-        region=np.full(len(ix), -1, dtype=np.int32),
+        origin=np.zeros(groups, dtype=np.uint8),
+        region=np.full(groups, -1, dtype=np.int32),
         first_keyframe=first,
         last_keyframe=last,
     )
@@ -76,26 +81,31 @@ def split_by_gaps(cells: Int64, z: Float64, gap_size: float) -> Int64:
 
 @njit(cache=True, nogil=True)
 def summarise(
-    start: Int64, z: Float64, keyframe: Int32
-) -> tuple[Float64, Float64, Float64, Float64, UInt32, Int32, Int32]:
-    """Return top, bottom, mean, variance, count, first and last keyframe of each group."""
-    groups = len(start) - 1
-    top, bottom, mean, variance = np.empty((4, groups))
-    count = np.empty(groups, dtype=np.uint32)
-    first = np.empty(groups, dtype=np.int32)
-    last = np.empty(groups, dtype=np.int32)
-    for g in range(groups):
-        begin, end = start[g], start[g + 1]
-        bottom[g], top[g], count[g] = z[begin], z[end - 1], end - begin
-        first[g] = last[g] = keyframe[begin]
+    start: Int64,
+    begin: int,
+    end: int,
+    z: Float64,
+    keyframe: Int32,
+    top: Float64,
+    bottom: Float64,
+    mean: Float64,
+    variance: Float64,
+    count: UInt32,
+    first: Int32,
+    last: Int32,
+) -> None:
+    """Note what groups `begin` to `end` are like."""
+    for g in range(begin, end):
+        lowest, highest, size = z[start[g]], z[start[g + 1] - 1], start[g + 1] - start[g]
+        earliest = latest = keyframe[start[g]]
         above = 0.0
-        for i in range(begin, end):
-            above += z[i] - bottom[g]
-            first[g] = min(first[g], keyframe[i])
-            last[g] = max(last[g], keyframe[i])
-        mean[g] = min(top[g], bottom[g] + above / count[g])
+        for i in range(start[g], start[g + 1]):
+            above += z[i] - lowest
+            earliest = min(earliest, keyframe[i])
+            latest = max(latest, keyframe[i])
+        average = min(highest, lowest + above / size)
         squares = 0.0
-        for i in range(begin, end):
-            squares += (z[i] - mean[g]) * (z[i] - mean[g])
-        variance[g] = squares / count[g]
-    return top, bottom, mean, variance, count, first, last
+        for i in range(start[g], start[g + 1]):
+            squares += (z[i] - average) * (z[i] - average)
+        bottom[g], top[g], mean[g], variance[g] = lowest, highest, average, squares / size
+        count[g], first[g], last[g] = size, earliest, latest

@@ -10,9 +10,9 @@ An outlier has its neighbours on one side, on the near half of a noisy surface, 
 or below it. With `recentre`, a point whose height moves by more than that takes the median once
 more, of its new height and of the neighbours that it has there.
 
-Points are sorted into square columns a little wider than the radius, and by height in each. For
-the points of one column, ascending, the window of heights that can be near moves on in each of
-the nine columns around: each point is compared with few others, in the order of memory.
+Where only the nearest count, the search begins a little farther than the nearest of the point
+before reached, and goes farther until it has found enough: in a dense cloud, too, each point is
+compared with few others, in the order of memory.
 """
 
 from __future__ import annotations
@@ -24,14 +24,17 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from mlscli.cells import pack
 from mlscli.keyframes import Points
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
-from mlscli.patches import runs
-from mlscli.pipeline.grouping import order_by_cell
+from mlscli.pipeline.point_grid import PointGrid, columns_around, gather
 from mlscli.pipeline.stage import Fault, PointStage
 from mlscli.threads import in_ranges
-from mlscli.typing import Bool, Float64, Int64, UInt64
+from mlscli.typing import Bool, Float64, Int64
+
+# How much farther than the last point's neighbours the next one's are sought at first.
+_FARTHER = 1.2
+# The least part of the radius in which they are sought.
+_NEAREST = 64
 
 
 @dataclass(frozen=True)
@@ -69,42 +72,26 @@ class Median(PointStage):
     ) -> Points:
         """Return the points that stay, with their median heights."""
         radius = in_units(self.nb_radius, cell_size)
-        keys = _column_keys(points.xyz, radius)
-        order = order_by_cell(keys, points.xyz[:, 2])
-        keys, sorted_xyz = keys[order], points.xyz[order]
-        start = runs(keys)
-        columns = keys[start[:-1]]
+        recentre = in_units(self.recentre, cell_size)
+        grid = PointGrid.of(points.xyz, radius)
         median = np.empty(points.size)
         stays = np.empty(points.size, dtype=np.bool_)
 
-        def filter_columns(begin: int, end: int) -> None:
+        def filter_points(begin: int, end: int) -> None:
             _filter(
-                sorted_xyz, columns, start, begin, end, radius, self.max_nb, self.min_nb,
-                in_units(self.recentre, cell_size), median, stays,
+                grid, *grid.columns(begin, end), radius, self.max_nb, self.min_nb, recentre,
+                median, stays,
             )  # fmt: skip
 
-        in_ranges(len(columns), filter_columns, told and (lambda done: told(int(start[done]))))
-        xyz = points.xyz.copy()
-        xyz[order, 2] = median
-        kept = np.empty(points.size, dtype=np.bool_)
-        kept[order] = stays
-        return Points(xyz[kept], points.keyframe[kept])
-
-
-def _column_keys(xyz: Float64, radius: float) -> UInt64:
-    """Return each point's column: points within the radius lie in columns that touch."""
-    farthest = float(np.abs(xyz[:, :2]).max(initial=0.0))
-    # The margin outweighs the rounding of the quotient, whose size the second term bounds.
-    side = max(1.001 * radius, farthest * 2.0**-30)
-    index = np.floor(xyz[:, :2] / side).astype(np.int64)
-    return pack(index[:, 0], index[:, 1])
+        in_ranges(points.size, filter_points, told)
+        xyz = points.xyz[stays]
+        xyz[:, 2] = median[stays]
+        return Points(xyz, points.keyframe[stays])
 
 
 @njit(cache=True, nogil=True)
 def _filter(
-    xyz: Float64,
-    columns: UInt64,
-    start: Int64,
+    grid: PointGrid,
     begin: int,
     end: int,
     radius: float,
@@ -114,150 +101,87 @@ def _filter(
     median: Float64,
     stays: Bool,
 ) -> None:
-    """Filter the points of columns ``begin`` to ``end``, into `median` and `stays`."""
-    limit = radius * radius
-    squared = np.empty(64)
-    heights = np.empty(64)
-    first = np.empty(9, dtype=np.int64)
-    last = np.empty(9, dtype=np.int64)
-    low = np.empty(9, dtype=np.int64)
-    high = np.empty(9, dtype=np.int64)
+    """Filter the points of columns `begin` to `end`, into `median` and `stays`."""
+    squared, heights = np.empty(64), np.empty(64)
+    nine = np.empty(9, dtype=np.int64)
     for column in range(begin, end):
-        around = 0
-        for dx in (-1, 0, 1):
-            # The three columns of one dx follow each other in memory.
-            key = columns[column] + np.uint64(np.int64(dx) << 32)
-            there = np.searchsorted(columns, key - np.uint64(1))
-            while there < len(columns) and columns[there] <= key + np.uint64(1):
-                first[around], last[around] = start[there], start[there + 1]
-                around += 1
-                there += 1
-        low[:around] = high[:around] = first[:around]
-        for i in range(start[column], start[column + 1]):
-            z = xyz[i, 2]
-            for c in range(around):
-                low[c], high[c] = _window(xyz, low[c], high[c], last[c], z, limit)
-            squared, heights, n = _gather(xyz, i, z, low, high, around, limit, squared, heights)
-            stays[i] = n >= min_nb
-            median[i] = _median(z, squared, heights, n, max_nb)
-            if stays[i] and 0 < recentre < abs(median[i] - z):
-                # Far from its surface a point sees the near side of it only: look from there.
-                z = median[i]
-                again = np.empty(9, dtype=np.int64)
-                until = np.empty(9, dtype=np.int64)
-                for c in range(around):
-                    again[c], until[c] = _window(xyz, first[c], first[c], last[c], z, limit)
-                squared, heights, n = _gather(
-                    xyz, i, z, again, until, around, limit, squared, heights
+        around = nine[: columns_around(grid, column, nine)]
+        reached = grid.side / grid.divisions[column]
+        # Ascending, for the next point mostly lies on the same surface as the last.
+        for i in grid.rising[grid.start[column] : grid.start[column + 1]]:
+            point, z = grid.order[i], grid.xyz[i, 2]
+            for again in (False, True):
+                squared, heights, n, reached = _neighbours(
+                    grid, around, i, z, radius, max_nb, reached, squared, heights
                 )
-                median[i] = _median(z, squared, heights, n, max_nb)
+                heights[n], squared[n] = z, 0.0
+                median[point] = _nth(heights, squared, n + 1, (n + 1) // 2)
+                if not again:
+                    stays[point] = n >= min_nb
+                # Far from its surface a point sees the near side of it only: look from there.
+                if not (stays[point] and 0 < recentre < abs(median[point] - z)):
+                    break
+                z = median[point]
 
 
 @njit(cache=True, nogil=True)
-def _window(
-    xyz: Float64, low: int, high: int, last: int, z: float, limit: float
-) -> tuple[int, int]:
-    """Move a window of a column up to the heights that are near enough to z."""
-    while low < last and xyz[low, 2] < z and _squared(xyz[low, 2] - z) > limit:
-        low += 1
-    high = max(high, low)
-    while high < last and (xyz[high, 2] <= z or _squared(xyz[high, 2] - z) <= limit):
-        high += 1
-    return low, high
-
-
-@njit(cache=True, nogil=True)
-def _gather(
-    xyz: Float64,
+def _neighbours(
+    grid: PointGrid,
+    around: Int64,
     i: int,
     z: float,
-    low: Int64,
-    high: Int64,
-    around: int,
-    limit: float,
+    radius: float,
+    max_nb: int,
+    reached: float,
     squared: Float64,
     heights: Float64,
-) -> tuple[Float64, Float64, int]:
-    """Collect the neighbours of point i, if it were at height z: squared distances and heights.
+) -> tuple[Float64, Float64, int, float]:
+    """Collect the neighbours that count of point i, if it were at height z, and where they end.
 
-    The buffers are returned, for they may have grown; there is room for one more.
+    Where more lie within the radius than count, the search stops as soon as the nearest are
+    certain; how far it had to go is told, to be where the next one begins.
     """
-    n = 0
-    for c in range(around):
-        for j in range(low[c], high[c]):
-            dx = xyz[j, 0] - xyz[i, 0]
-            dy = xyz[j, 1] - xyz[i, 1]
-            dz = xyz[j, 2] - z
-            apart = (dx * dx + dy * dy) + dz * dz
-            if apart <= limit and j != i:
-                squared[n], heights[n] = apart, xyz[j, 2]
-                n += 1
-                if n == len(squared):
-                    squared, heights = _doubled(squared), _doubled(heights)
-    return squared, heights, n
+    # Where points coincide, the last ones told nothing.
+    distance = max(_FARTHER * reached, radius / _NEAREST) if max_nb > 0 else np.inf
+    while True:
+        whole = distance >= radius
+        limit = radius * radius if whole else min(distance * distance, radius * radius)
+        squared, heights, n = gather(
+            grid, around, i, z, min(distance, radius), limit, squared, heights
+        )
+        if 0 < max_nb <= n:
+            reached = np.sqrt(_nth(squared, heights, n, max_nb - 1))
+            return squared, heights, max_nb, reached
+        if whole:
+            return squared, heights, n, reached
+        distance *= 1.5
 
 
 @njit(cache=True, nogil=True)
-def _median(z: float, squared: Float64, heights: Float64, n: int, max_nb: int) -> float:
-    """Return the median of z and of the nearest of n heights, at most `max_nb` of them."""
-    if 0 < max_nb < n:
-        _keep_nearest(squared, heights, n, max_nb)
-        n = max_nb
-    heights[n] = z
-    return _nth(heights, n + 1, (n + 1) // 2)
+def _nth(values: Float64, others: Float64, n: int, nth: int) -> float:
+    """Return the element at index `nth` of the first n values, if they were sorted.
 
-
-@njit(cache=True, nogil=True)
-def _squared(value: float) -> float:
-    return value * value
-
-
-@njit(cache=True, nogil=True)
-def _doubled(buffer: Float64) -> Float64:
-    larger = np.empty(2 * len(buffer))
-    larger[: len(buffer)] = buffer
-    return larger
-
-
-@njit(cache=True, nogil=True)
-def _keep_nearest(squared: Float64, heights: Float64, n: int, size: int) -> None:
-    """Move the heights of the `size` nearest of n neighbours to the front."""
-    farthest = _nth(squared[:n].copy(), n, size - 1)
-    kept = 0
-    equal = np.empty(n)
-    equals = 0
-    for j in range(n):
-        if squared[j] < farthest:
-            heights[kept] = heights[j]
-            kept += 1
-        elif squared[j] == farthest:
-            equal[equals] = heights[j]
-            equals += 1
-    lowest_first = np.sort(equal[:equals])
-    for j in range(size - kept):
-        heights[kept + j] = lowest_first[j]
-
-
-@njit(cache=True, nogil=True)
-def _nth(values: Float64, n: int, nth: int) -> float:
-    """Return the element at index `nth` of the first n values sorted, reordering them."""
-    left, right = 0, n - 1
-    while left < right:
-        pivot = values[(left + right) // 2]
-        i, j = left, right
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i += 1
-                j -= 1
-        if nth <= j:
-            right = j
-        elif nth >= i:
-            left = i
-        else:
-            break
-    return float(values[nth])
+    The lesser ones are moved before it, each with its other; of equal values that with the lesser
+    other comes first.
+    """
+    begin, end = 0, n
+    while True:
+        value, other = values[(begin + end) // 2], others[(begin + end) // 2]
+        less = begin
+        for j in range(begin, end):
+            v, o = values[j], others[j]
+            values[j], others[j] = values[less], others[less]
+            values[less], others[less] = v, o
+            less += (v < value) | ((v == value) & (o < other))
+        if nth < less:
+            end = less
+            continue
+        equal = less
+        for j in range(less, end):
+            v, o = values[j], others[j]
+            values[j], others[j] = values[equal], others[equal]
+            values[equal], others[equal] = v, o
+            equal += (v == value) & (o == other)
+        if nth < equal:
+            return float(value)
+        begin = equal

@@ -1,6 +1,7 @@
 """The median filter on points.
 
-How one could cheat: clouds without equal distances, or a radius that holds every point.
+How one could cheat: clouds without equal distances, or a radius that holds every point, or
+points as dense everywhere, so that the nearest are never far from where they were sought before.
 """
 
 from __future__ import annotations
@@ -62,6 +63,21 @@ def test_an_outlier_that_looks_again_comes_nearer_to_its_surface() -> None:
     )
     assert np.mean(once) > 0.08
     assert abs(np.mean(again)) < np.mean(once) / 2
+
+
+def test_the_nearest_are_found_however_dense_the_points_are() -> None:
+    rng = np.random.default_rng(7)
+    # Clusters a thousand times denser than the rest, points that coincide, a wall, and equal steps.
+    clusters = rng.normal(0, 0.003, (300, 3)) + rng.uniform(0, 3, (3, 3)).repeat(100, axis=0)
+    coinciding = np.full((40, 3), 1.5)
+    wall = np.c_[np.full(300, 0.7), rng.uniform(0, 3, (300, 2))]
+    steps = np.stack(np.meshgrid(*[np.arange(7) / 4] * 3), axis=-1).reshape(-1, 3)
+    sparse = rng.uniform(0, 3, (200, 3))
+    xyz = rng.permutation(np.concatenate((clusters, coinciding, wall, steps, sparse)))
+    points = Points(xyz, np.zeros(len(xyz), dtype=np.int32))
+    for radius, most, least, again in ((1.0, 16, 8, 0.1), (0.5, 30, 3, 0.0), (0.3, 1, 1, 0.05)):
+        result = Median(radius, most, least, again).apply(points, 0.5)
+        assert rows(result) == references.median(points, radius, most, least, again)
 
 
 def test_a_median_is_always_a_height_that_was_measured() -> None:
