@@ -39,7 +39,8 @@ def route_on_ground(surface: SurfaceMap) -> Track:
     The craft flies straight from each known position to the next. At both, and once per cell
     between, the track lies on the highest patch at or below the craft in its cell, or else in
     the nearest ring of cells around that has one, up to three cells away. Where there is none,
-    the track is interrupted: nobody knows the ground there.
+    the track is interrupted: nobody knows the ground there. A route without any ground beneath it,
+    as in a room of whose floor nothing was seen, is given as it was flown.
     """
     position = surface.route[:, 1:]
     position = position[np.isfinite(position).all(axis=1)]
@@ -47,6 +48,8 @@ def route_on_ground(surface: SurfaceMap) -> Track:
     position = _steps(position, surface.cell_size)
     cell = cell_indices(position[:, :2], surface.cell_size).astype(np.int64)
     ground = _ground_below(cell, position[:, 2], *surface.cells, surface.height)
+    if surface.size and not np.isfinite(ground).any():
+        ground = position[:, 2]
     landed = np.column_stack((position[:, :2], ground)) + 0.0
     known = np.isfinite(ground)
     new = known.copy()

@@ -63,4 +63,4 @@ def write_figure(path: str | os.PathLike[str], figure: Figure, *, overwrite: boo
     kind = require_format(path)
     refuse_existing(path, overwrite=overwrite)
     with atomic_write(path, overwrite=overwrite) as stream:
-        figure.savefig(stream, format=kind, dpi=DPI)
+        figure.savefig(stream, format=kind, dpi=DPI, bbox_inches="tight", pad_inches=0.12)

@@ -43,13 +43,20 @@ def test_the_nearest_ring_of_cells_decides() -> None:
 @pytest.mark.parametrize("cells", range(SEARCH_CELLS + 2))
 def test_the_search_ends_a_few_cells_away(cells: int) -> None:
     surface = a_map((0, 0, 1, 0))
-    assert len(landed(surface, (cells + 0.5, 0.5, 2.0))) == (cells <= SEARCH_CELLS)
+    on_ground, beyond = (0.5, 0.5, 2.0), (cells + 0.5, 0.5, 2.0)
+    found = landed(surface, on_ground, beyond)
+    assert ([cells + 0.5, 0.5, 1.0] in found) == (cells <= SEARCH_CELLS)
 
 
 def test_positions_unknown_beyond_the_grid_below_all_or_repeated_are_left_out() -> None:
     position, nan = (0.3, 0.3, 2.0), np.nan
     route = [(nan, nan, nan), (0.3, 0.3, nan), (1e300, 0, 1), (0.3, 0.3, -1), position, position]
     assert landed(LEVELS, *route) == [[0.3, 0.3, 0.0]]
+
+
+def test_a_route_without_any_ground_beneath_it_is_given_as_it_was_flown() -> None:
+    flown = [[50.5, 0.5, 2.0], [50.9, 0.5, 3.0]]
+    assert landed(a_map((0, 0, 1, 0)), *[(x, y, z) for x, y, z in flown]) == flown
 
 
 def test_a_map_without_route_or_patches_has_no_route_on_the_ground() -> None:
