@@ -26,13 +26,13 @@ from mlscli.growth import growth
 from mlscli.io.replay import write_replay
 from mlscli.keyframes import Keyframe
 from mlscli.mesh import build_mesh
-from mlscli.pipeline.change import Change, difference
+from mlscli.pipeline.change import Change
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.presets import make
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Array, Float64
-from tests.maps import map_of
-from tests.meshes import house, soup
+from tests.maps import KEYFRAMES, map_of
+from tests.meshes import a_map, house, plane, soup
 
 CELL = 0.25
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
@@ -158,27 +158,40 @@ def test_at_each_time_it_is_the_map_of_the_flight_until_then(
     assert clouds[-1].time == times[-1]
 
 
-def test_no_state_is_more_than_a_sixteenth_of_the_map_behind(
-    tmp_path: Path, flight: Flight
-) -> None:
-    surface, changes = grown(flight.keyframes)
-    write_replay(tmp_path / "a.mcap", surface, changes)
-    times = [message.time for message in with_mcap(tmp_path / "a.mcap")["/mls/patches"]]
-    states: dict[int, SurfaceMap] = {}
-    state, keyframe = surface.take(np.empty(0, dtype=np.int64)), 0
-    for change in changes:
-        state = change.applied_to(state)
-        keyframe = max(keyframe, change.added.last_keyframe.max(initial=0))
-        states[round(flight.keyframes[keyframe].stamp * 1e9)] = state
-    for time, state in states.items():
-        told = states[max(before for before in times if before <= time)]
-        behind = difference(told, state)
-        assert behind.added.size + behind.removed.size <= state.size / 16
+def patch_by_patch() -> SurfaceMap:
+    """Return a map of which every keyframe saw one patch more."""
+    surface = a_map(*plane(15, 14))
+    first = np.random.default_rng(1).permutation(surface.size).astype(np.int32)
+    route = np.column_stack((np.arange(surface.size), np.zeros((surface.size, 3))))
+    return replace(surface, first_keyframe=first, last_keyframe=first, route=route)
+
+
+def test_no_state_is_more_than_a_sixteenth_of_the_map_behind(tmp_path: Path) -> None:
+    surface = patch_by_patch()
+    write_replay(tmp_path / "a.mcap", surface, growth(surface))
+    clouds = with_mcap(tmp_path / "a.mcap")["/mls/patches"]
+    assert [cloud.content.width for cloud in clouds] == [
+        cloud.time // 10**9 + 1 for cloud in clouds
+    ]
+    for keyframe in range(surface.size):
+        told = max(cloud.content.width for cloud in clouds if cloud.time <= keyframe * 10**9)
+        assert keyframe + 1 - told < (keyframe + 1) / 16
+    # Nor is the file as large as all states.
+    assert len(clouds) < surface.size / 2
+
+
+def test_what_comes_late_of_earlier_keyframes_does_not_turn_time_back(tmp_path: Path) -> None:
+    surface = patch_by_patch()
+    write_replay(tmp_path / "a.mcap", surface, reversed(list(growth(surface))))
+    told = with_mcap(tmp_path / "a.mcap")
+    assert {cloud.time for cloud in told["/mls/patches"]} == {(surface.size - 1) * 10**9}
+    assert len(told["/tf"]) == surface.size
 
 
 @READERS
 def test_markers_are_the_mesh(tmp_path: Path, read: Any) -> None:
     surface = house()
+    surface = replace(surface, ix=surface.ix + 7000, route=np.full((KEYFRAMES, 4), np.nan))
     write_replay(tmp_path / "a.mcap", surface, growth(surface))
     told = read(tmp_path / "a.mcap")
     mesh = build_mesh(surface)

@@ -98,6 +98,16 @@ def test_the_routes_follow_the_craft() -> None:
     assert ends[:, :, 0].tolist() == [[0.5, 1.5], [1.5, 2.5]]
 
 
+def test_a_route_that_comes_back_is_there_when_it_came_back() -> None:
+    x = [0.5, 1.5, 0.5, 2.5]
+    route = np.column_stack((np.arange(4), x, np.full(4, 0.5), np.full(4, 9)))
+    shown = picture(replace(a_map(*plane(4, 2)), route=route))
+    layer = layers_of(shown)["route"]
+    ends = shown.vertices["mesh"].position[layer.elements][:, :, 0]
+    arrived = dict(zip(layer.when.tolist(), ends[:, 1].tolist(), strict=True))
+    assert arrived == {1: 1.5, 2: 0.5, 3: 2.5}
+
+
 def test_points_appear_with_their_cell_and_are_thinned_where_there_are_too_many() -> None:
     surface = a_map(*plane(3, 1))
     first = np.array([2, 0, 1], dtype=np.int32)
