@@ -14,8 +14,8 @@ _SECONDS = 5.0  # for transforms: an hour of them, where they do not lie among i
 
 def describe(source: Source) -> dict[str, Any]:
     """Return what each topic is good for, frames, notes and losses, ready for JSON."""
+    from mlscli.io.frames import told_tree, why_not_mapped
     from mlscli.io.glance import Glance
-    from mlscli.io.placing import told_tree, why_not_mapped
 
     glance = Glance(seconds=_SECONDS)
     tree = told_tree([glance.of(source)])
@@ -57,7 +57,7 @@ def _use(topic: Topic) -> str | None:
 
 def _map_frame(topic: Topic, tree: TransformTree) -> str:
     """Return the frame in which the clouds of a topic are mapped where nothing else is asked."""
-    from mlscli.io.placing import is_world, world_above
+    from mlscli.io.frames import is_world, world_above
     from mlscli.transforms import bare
 
     frame = bare(topic.frame)

@@ -1,4 +1,4 @@
-"""Where clouds are in the map: frames, transforms, poses, and the mounting of the sensor.
+"""Where clouds are in the map: the way from each frame into the map frame, at any time.
 
 A cloud in the map frame, or in no frame, is taken as it is. Any other is moved by the transforms
 of the recording (/tf, /tf_static), or by the poses of a topic, at its own time. What is known of
@@ -7,50 +7,29 @@ the craft's position on the way becomes the route.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.errors import InputError, UsageError
+from mlscli.errors import InputError
 from mlscli.io.base import Cloud, Source
+from mlscli.io.frames import (
+    Mounting,
+    Track,
+    body_of,
+    is_world,
+    map_frame,
+    mount,
+    named,
+    told_track,
+    told_tree,
+)
 from mlscli.io.trajectory import Trajectory
-from mlscli.poses import Pose, Poses, PoseTrack, apply, unit
+from mlscli.poses import Pose, Poses, apply
 from mlscli.transforms import TransformTree, bare
 from mlscli.typing import Float64
-
-WORLD_FRAMES = (
-    *("map", "odom", "odom_combined", "world", "earth", "global", "origin", "local_origin"),
-    *("camera_init", "vicon"),
-)
-"""Frames that stand still, whatever name space they are in."""
-
-BODY_FRAMES = ("base_link", "base_footprint", "base", "body", "base_stabilized", "imu_link")
-"""What the craft's own frame is mostly called, the likeliest first."""
-
-
-class Mounting(NamedTuple):
-    """T_body_sensor: where a sensor is on the craft.
-
-    Attributes
-    ----------
-    translation : tuple
-        x, y, z.
-    rotation : tuple
-        Quaternion x, y, z, w, of any length but 0.
-    """
-
-    translation: tuple[float, float, float]
-    rotation: tuple[float, float, float, float]
-
-    @property
-    def poses(self) -> Poses:
-        """The same, to be chained."""
-        rotation = unit(np.array([self.rotation]))
-        return Poses(np.array([self.translation]), rotation, np.array([True]))
 
 
 @dataclass(frozen=True)
@@ -97,7 +76,7 @@ class Placing:
     frame_id: str
     _asked: Asked
     _tree: TransformTree
-    _track: _Track | None
+    _track: Track | None
     _ways: dict[str, Way | None] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -113,13 +92,13 @@ class Placing:
             What is asked for fits no source.
         """
         tree, notes = told_tree(sources), list[str]()
-        track = None if asked.pose_topic is None else _told_track(sources, asked.pose_topic)
+        track = None if asked.pose_topic is None else told_track(sources, asked.pose_topic)
         if asked.mounting is not None and track is None:
-            notes += _mount(tree, asked.mounting, sources)
-        frame_id = _map_frame(sources, asked.frame, tree, track)
+            notes += mount(tree, asked.mounting, sources)
+        frame_id = map_frame(sources, asked.frame, tree, track)
         placing = cls(frame_id, asked, tree, track, notes=notes)
         if track is not None:
-            with _named(f"--pose-topic {asked.pose_topic}"):
+            with named(f"--pose-topic {asked.pose_topic}"):
                 placing._in_map(track, _NEVER)
         for source in sources:
             placing._check(source)
@@ -169,7 +148,7 @@ class Placing:
 
     @cached_property
     def _body(self) -> str | None:
-        return _body(self._tree)
+        return body_of(self._tree)
 
     # --- ways into the map frame ---
 
@@ -201,7 +180,7 @@ class Placing:
                 f"{self.frame_id!r}, or transforms that lead to it"
             )
         # Refused at once where nothing connects the frames at any time.
-        with _named(source.label):
+        with named(source.label):
             self._tree.lookup(self.frame_id, frame, _NEVER)
         return self._way_by_tree(frame)
 
@@ -215,7 +194,7 @@ class Placing:
 
         return way
 
-    def _way_by_poses(self, track: _Track, frame: str) -> Way:
+    def _way_by_poses(self, track: Track, frame: str) -> Way:
         mounting = self._asked.mounting
         mount = None if mounting is None else mounting.poses
         body = track.child or self._body
@@ -238,180 +217,12 @@ class Placing:
 
         return way
 
-    def _in_map(self, track: _Track, stamps: Float64) -> Poses:
+    def _in_map(self, track: Track, stamps: Float64) -> Poses:
         """Return T_map_body."""
         poses = track.poses.at(stamps)
         if track.parent in ("", self.frame_id):
             return poses
         return self._tree.lookup(self.frame_id, track.parent, stamps).chained(poses)
-
-
-class _Track(NamedTuple):
-    """T_parent_child over time, as a topic tells it."""
-
-    parent: str
-    child: str
-    poses: PoseTrack
-
-
-def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[str]:
-    """Say for each topic of a source what stands against mapping it as it is; nothing where none.
-
-    A topic of clouds in a sensor's frame can be mapped where transforms lead from it.
-
-    Parameters
-    ----------
-    source : Source
-    tree : TransformTree, optional
-        Of the source, where it has been read already.
-    """
-    tree = told_tree([source]) if tree is None else tree
-    reasons = []
-    for topic in source.topics():
-        frame = bare(topic.frame)
-        try:
-            leads_on = not frame or is_world(frame) or world_above(tree, frame) is not None
-            why_not = f"frame {frame!r} is no world frame; {_ways_out(source, frame, tree)}"
-        except InputError as error:
-            leads_on, why_not = False, str(error)
-        reasons.append(topic.why_not if leads_on or not topic.mappable else why_not)
-    return reasons
-
-
-def is_world(frame: str) -> bool:
-    """Tell by its name whether a frame stands still."""
-    return bare(frame).rpartition("/")[2] in WORLD_FRAMES
-
-
-def told_tree(sources: Sequence[Source]) -> TransformTree:
-    """Return the frames that the transforms of all sources tell."""
-    tree = TransformTree()
-    for source in sources:
-        for told, stays in source.transforms():
-            if stays:
-                for translation, rotation in zip(told.translations, told.quaternions, strict=True):
-                    tree.add_static(told.parent, told.child, translation, rotation)
-            else:
-                tree.add(told.parent, told.child, told.stamps, told.translations, told.quaternions)
-    return tree
-
-
-def _told_track(sources: Sequence[Source], topic: str) -> _Track:
-    told = [poses for source in sources for poses in source.poses(topic)]
-    stamps = np.concatenate([np.empty(0), *(poses.stamps for poses in told)])
-    if not len(stamps):
-        there = [topic.name for source in sources for topic in source.topics() if topic.poses]
-        raise UsageError(
-            f"--pose-topic {topic}: found no poses; topics with poses: {', '.join(there) or 'none'}"
-        )
-    frames = sorted(
-        {(bare(poses.parent), bare(poses.child)) for poses in told if len(poses.stamps)}
-    )
-    if len(frames) > 1:
-        found = ", ".join(f"of {child or 'no frame'!r} in {parent!r}" for parent, child in frames)
-        raise InputError(
-            f"--pose-topic {topic}: tells poses {found}; expected those of one frame in one other"
-        )
-    track = PoseTrack(
-        stamps,
-        np.concatenate([poses.translations for poses in told]),
-        np.concatenate([poses.quaternions for poses in told]),
-    )
-    return _Track(*frames[0], track)
-
-
-def _mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) -> list[str]:
-    """Hang the sensors where the user says that they are mounted; say where that is."""
-    body = _body(tree)
-    notes = []
-    for frame in sorted({bare(source.frame_id) for source in sources}):
-        if frame in tree.frames:
-            raise UsageError(
-                f"--extrinsic: the recording's transforms tell where {frame!r} is; leave it out"
-            )
-        if not frame or is_world(frame):
-            stated = f"in the frame {frame!r}" if frame else "in no frame"
-            raise UsageError(f"--extrinsic: the clouds are {stated}, which is on no craft")
-        if body is None:
-            raise UsageError(
-                "--extrinsic: the recording does not tell how the craft moves, found the frames "
-                f"{', '.join(tree.frames) or 'none'}; give --pose-topic too"
-            )
-        tree.add_static(
-            body, frame, np.array(mounting.translation), np.array(mounting.rotation, dtype=float)
-        )
-        notes.append(f"--extrinsic: {frame!r} is taken as mounted on {body!r}")
-    return notes
-
-
-def _body(tree: TransformTree) -> str | None:
-    """Return the craft's frame: one of the usual names, or the only one that others hang not on."""
-    frames = tree.frames
-    for name in BODY_FRAMES:
-        for frame in frames:
-            if frame.rpartition("/")[2] == name:
-                return frame
-    try:
-        above = {parent for frame in frames for parent in tree.ancestors(frame)[1:]}
-    except InputError:
-        # Frames that hang in a circle hang on no craft.
-        return None
-    leaves = [frame for frame in frames if frame not in above]
-    return leaves[0] if len(leaves) == 1 else None
-
-
-def _map_frame(
-    sources: Sequence[Source], declared: str | None, tree: TransformTree, track: _Track | None
-) -> str:
-    """Return the frame declared, or the world frame that the first clouds are in or lead to."""
-    if declared is not None:
-        return bare(declared)
-    for source in sources:
-        frame = bare(source.frame_id)
-        if is_world(frame):
-            return frame
-        if track is not None:
-            return track.parent or "map"
-        if frame:
-            with _named(source.label):
-                above = world_above(tree, frame)
-            if above is None:
-                raise InputError(
-                    f"{source.label}: the clouds are in the frame {frame!r}, expected a world "
-                    f"frame ({', '.join(WORLD_FRAMES)}); {_ways_out(source, frame, tree)}"
-                )
-            return above
-    return "map"
-
-
-def world_above(tree: TransformTree, frame: str) -> str | None:
-    """Return the frame above another that stands still; None where there is none.
-
-    It is the topmost with the name of a world frame, or the root where something moves below it:
-    a root that all hangs below unmoved is a part of the craft.
-    """
-    above = tree.ancestors(frame)[1:]
-    named = [parent for parent in above if is_world(parent)]
-    if named:
-        return named[-1]
-    return above[-1] if above and tree.moves(frame) else None
-
-
-def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
-    """Say what the user can do about clouds in a sensor's frame."""
-    root = tree.ancestors(frame)[-1]
-    tell = f"the transforms lead to {root!r} only" if root != frame else "no transforms lead on"
-    ways = [f"--pose-topic {t.name} moves them with the craft" for t in source.topics() if t.poses]
-    return "; ".join([tell, *ways[:2], f"where {root!r} stands still, --frame {root} says so"])
-
-
-@contextmanager
-def _named(what: str) -> Iterator[None]:
-    """Let errors of the tree say whose frames they are about."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{what}: {error}") from error
 
 
 def _single(poses: Poses) -> Pose | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,9 +13,11 @@ import numpy as np
 from mlscli.errors import InputError, UsageError
 from mlscli.io.base import Clock, Cloud, Reading, Source
 from mlscli.io.formats import open_source
+from mlscli.io.frames import Mounting
 from mlscli.io.glance import Glance
-from mlscli.io.placing import Asked, Mounting, Placing
+from mlscli.io.placing import Asked, Placing
 from mlscli.io.selection import Selection
+from mlscli.io.tally import NO_RETURN, UNPLACED, Tally
 from mlscli.io.trajectory import Trajectory, read_trajectory
 from mlscli.keyframes import FARTHEST, UNKNOWN_POSITION, Keyframe
 from mlscli.poses import turn
@@ -36,48 +37,9 @@ _Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
 AUTO = "auto"
 """The value of ``--up`` that asks for the vertical to be found."""
 
-NO_RETURN, UNPLACED = "no return", "no transform at their time"
-"""Why points are dropped: a sensor without an echo says (0, 0, 0), which is where it is itself."""
-
 _TIMELESS = (
     "the time in the headers of all clouds is 0; --time-source log takes the times of recording"
 )
-
-
-@dataclass
-class Tally:
-    """What a pass has read so far.
-
-    Attributes
-    ----------
-    points_read : int
-        Points in the keyframes selected, before any is dropped.
-    dropped : dict
-        How many points were dropped, by reason.
-    keyframes : int
-        Keyframes selected.
-    unplaced : int
-        How many of them are left out, as it is not known where they were.
-    came : int
-        Keyframes, selected or not.
-    began : float
-        The time of the first of these.
-    timed : bool
-        Whether one of these had a time other than 0.
-    """
-
-    points_read: int = 0
-    dropped: dict[str, int] = field(default_factory=dict)
-    keyframes: int = 0
-    unplaced: int = 0
-    came: int = 0
-    began: float = math.nan
-    timed: bool = False
-
-    def drop(self, reason: str, points: int) -> None:
-        """Count dropped points under a reason."""
-        if points:
-            self.dropped[reason] = self.dropped.get(reason, 0) + points
 
 
 @dataclass(eq=False)

@@ -162,7 +162,7 @@ def patch_by_patch() -> SurfaceMap:
     """Return a map of which every keyframe saw one patch more."""
     surface = a_map(*plane(15, 14))
     first = np.random.default_rng(1).permutation(surface.size).astype(np.int32)
-    route = np.column_stack((np.arange(surface.size), np.zeros((surface.size, 3))))
+    route = np.column_stack((np.arange(surface.size, dtype=float), np.zeros((surface.size, 3))))
     return replace(surface, first_keyframe=first, last_keyframe=first, route=route)
 
 
