@@ -27,7 +27,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.typesys import Stores, get_typestore
 
 from mlscli.errors import InputError
-from mlscli.io.container import Container
+from mlscli.io.containers.container import Container
 
 STRING = "std_msgs/msg/String"
 SECOND = 10**9

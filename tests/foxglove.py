@@ -17,7 +17,7 @@ from google.protobuf import (
     timestamp_pb2,
 )
 
-from mlscli.io.container import Channel, Message
+from mlscli.io.containers.container import Channel, Message
 from tests.ros import serialized
 
 SPELLINGS = ["protobuf", "json", "ros1", "cdr"]

@@ -9,7 +9,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from mlscli.io.container import Channel, Message
+from mlscli.io.containers.container import Channel, Message
 
 ENCODINGS = ["ros1", "cdr"]
 _TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"

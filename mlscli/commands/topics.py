@@ -45,8 +45,8 @@ def describe(source: Source) -> dict[str, Any]:
 
 def _use(topic: Topic) -> str | None:
     """Say what a topic is good for: clouds, poses, transforms, or nothing."""
-    from mlscli.io.messages import CLOUD_TYPES
-    from mlscli.io.poses import TRANSFORM_TYPES
+    from mlscli.io.messages.poses import TRANSFORM_TYPES
+    from mlscli.io.messages.registry import CLOUD_TYPES
 
     if topic.type in CLOUD_TYPES:
         return "clouds"
@@ -74,7 +74,7 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
     for name, type_, count, good_for in rows:
         yield (f"    {name:<{widths[0]}}  {type_:<{widths[1]}}  {count:>{widths[2]}}  {good_for}")
     if not any(topic["use"] == "clouds" for topic in topics):
-        from mlscli.io.messages import MAPPABLE
+        from mlscli.io.messages.registry import MAPPABLE
 
         yield f"  nothing here can be mapped; what can: {MAPPABLE}"
     if frames:

@@ -20,7 +20,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from mlscli.io.pointcloud2 import DATATYPES
+from mlscli.io.messages.pointcloud2 import DATATYPES
 from mlscli.io.trianglelist import TriangleLists
 from mlscli.typing import Array, Float64, Int32, UInt8
 

@@ -14,7 +14,7 @@ from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Array, Float64, Int64
 
 if TYPE_CHECKING:
-    from mlscli.io.poses import StampedPoses
+    from mlscli.io.messages.poses import StampedPoses
 
 
 UNKNOWN_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)

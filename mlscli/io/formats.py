@@ -59,38 +59,38 @@ def _folder_with(*names: str) -> Callable[[Path, bytes], bool]:
 
 
 def _open_messages(path: Path, reading: Reading) -> Source:
-    from mlscli.io.containers import open_container
+    from mlscli.io.containers.opening import open_container
     from mlscli.io.topic import TopicSource
 
     return TopicSource(open_container(path), reading.topic, reading.clock)
 
 
 def _open_text(path: Path, reading: Reading) -> Source:
-    from mlscli.io.text import TextCloud
+    from mlscli.io.clouds.text import TextCloud
 
     return TextCloud(path, reading.columns)
 
 
 def _open_ply(path: Path, _: Reading) -> Source:
-    from mlscli.io.plycloud import PlyCloud
+    from mlscli.io.clouds.plycloud import PlyCloud
 
     return PlyCloud(path)
 
 
 def _open_pcd(path: Path, _: Reading) -> Source:
-    from mlscli.io.pcd import PcdCloud
+    from mlscli.io.clouds.pcd import PcdCloud
 
     return PcdCloud(path)
 
 
 def _open_las(path: Path, _: Reading) -> Source:
-    from mlscli.io.las import LasCloud
+    from mlscli.io.clouds.las import LasCloud
 
     return LasCloud(path)
 
 
 def _open_colmap(path: Path, _: Reading) -> Source:
-    from mlscli.io.colmap import ColmapModel
+    from mlscli.io.clouds.colmap import ColmapModel
 
     models = _colmap_models(path)
     if len(models) > 1:
@@ -102,7 +102,7 @@ def _open_colmap(path: Path, _: Reading) -> Source:
 
 
 def _open_opensfm(path: Path, _: Reading) -> Source:
-    from mlscli.io.opensfm import OpenSfmReconstruction
+    from mlscli.io.clouds.opensfm import OpenSfmReconstruction
 
     return OpenSfmReconstruction(_reconstructions(path)[0])
 

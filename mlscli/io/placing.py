@@ -15,6 +15,7 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.io.base import Cloud, Source
+from mlscli.io.clouds.trajectory import Trajectory
 from mlscli.io.frames import (
     Mounting,
     Track,
@@ -26,7 +27,6 @@ from mlscli.io.frames import (
     told_track,
     told_tree,
 )
-from mlscli.io.trajectory import Trajectory
 from mlscli.poses import Pose, Poses, apply
 from mlscli.transforms import TransformTree, bare
 from mlscli.typing import Float64

@@ -12,13 +12,13 @@ import numpy as np
 
 from mlscli.errors import InputError, UsageError
 from mlscli.io.base import Clock, Cloud, Reading, Source
+from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
 from mlscli.io.formats import open_source
 from mlscli.io.frames import Mounting
 from mlscli.io.glance import Glance
 from mlscli.io.placing import Asked, Placing
 from mlscli.io.selection import Selection
 from mlscli.io.tally import NO_RETURN, UNPLACED, Tally
-from mlscli.io.trajectory import Trajectory, read_trajectory
 from mlscli.keyframes import FARTHEST, UNKNOWN_POSITION, Keyframe
 from mlscli.poses import turn
 from mlscli.transforms import bare

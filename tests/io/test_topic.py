@@ -20,11 +20,11 @@ import pytest
 
 from mlscli.errors import InputError, UsageError
 from mlscli.io.base import Cloud, Reading
-from mlscli.io.container import Message
-from mlscli.io.decoding import Deserializer
+from mlscli.io.clouds.text import TextCloud
+from mlscli.io.containers.container import Message
 from mlscli.io.formats import open_source
+from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.recording import open_recording
-from mlscli.io.text import TextCloud
 from mlscli.io.topic import TopicSource
 from tests.bags import Sent, Told, write_bag, write_told
 

@@ -1,0 +1,73 @@
+"""Reconstructions from photographs: cameras and the points they saw, as keyframes.
+
+Each camera is a keyframe, in order, even one without points. A point belongs to the first that
+saw it; points that none saw are a keyframe of their own, the last.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlscli.io.base import UNKNOWN_ATTITUDE, Cloud
+from mlscli.io.clouds.pointfile import Content
+from mlscli.keyframes import UNKNOWN_POSITION
+from mlscli.typing import Float64, Int64
+
+
+class Camera(NamedTuple):
+    """Where and when a photograph was taken, and how the camera was turned; NaN where not known.
+
+    The attitude is a quaternion x, y, z, w from the camera's axes to the world's.
+    """
+
+    position: tuple[float, float, float] = UNKNOWN_POSITION
+    stamp: float = math.nan
+    attitude: tuple[float, float, float, float] = UNKNOWN_ATTITUDE
+
+    @classmethod
+    def of(cls, rotation: Rotation, translation: Sequence[float]) -> Camera:
+        """Return the camera whose points are ``rotation * world + translation``: at -R^T t."""
+        with np.errstate(all="ignore"):
+            x, y, z = (-rotation.inv().apply(np.asarray(translation, dtype=np.float64))).tolist()
+        qx, qy, qz, qw = rotation.inv().as_quat().tolist()
+        return cls((x, y, z), attitude=(qx, qy, qz, qw))
+
+
+def by_camera(
+    path: Path, points: Float64, first: Int64, cameras: Sequence[Camera], losses: Sequence[str]
+) -> Content:
+    """Return the keyframes of a reconstruction.
+
+    Parameters
+    ----------
+    path : Path
+        What to call it.
+    points : float64 (N, 3)
+    first : int64 (N,)
+        The first camera that saw each point; -1 where none did.
+    cameras : sequence of Camera
+    losses : sequence of str
+        What could not be read.
+    """
+    order = np.argsort(first, kind="stable")
+    ends = np.searchsorted(first[order], np.arange(-1, len(cameras)), side="right")
+    unseen, *seen = np.split(points[order], ends[:-1])
+    clouds = [
+        Cloud(cloud, camera.stamp, camera.position, attitude=camera.attitude)
+        for cloud, camera in zip(seen, cameras, strict=True)
+    ]
+    notes = []
+    if len(unseen):
+        clouds.append(Cloud(unseen))
+        notes.append(
+            f"{path}: {len(unseen):,} of {len(points):,} points were seen by none of the images; "
+            "they are a keyframe of their own, the last"
+        )
+    stamps = np.array([camera.stamp for camera in cameras], dtype=np.float64)
+    return Content(clouds, notes, losses, stamps)

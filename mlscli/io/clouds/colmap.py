@@ -1,0 +1,215 @@
+"""COLMAP's sparse models: points3D and images, as text or binary.
+
+Images in the order of their names are keyframes. An image's rotation (a quaternion, w first) and
+translation take the world to the camera. (https://colmap.github.io/format.html)
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlscli.errors import InputError
+from mlscli.io.base import Cloud
+from mlscli.io.clouds.cameras import Camera, by_camera
+from mlscli.io.clouds.columns import short
+from mlscli.io.clouds.pointfile import Content, PointFile, shortfall, side_by_side
+from mlscli.io.clouds.records import Field, gather, mapped, read_records
+from mlscli.typing import Float64, Int64, UInt8
+
+_COUNT = struct.Struct("<Q")
+_POINT = (
+    Field("id", "u8"),
+    *(Field(name, "f8") for name in "xyz"),
+    *(Field(name, "u1") for name in ("red", "green", "blue")),
+    Field("error", "f8"),
+    # Of each observation the image, u4, and which of its features, u4.
+    Field("track", "V8", "u8"),
+)
+_XYZ_AND_TRACK = (1, 2, 3, 8)
+_OBSERVATION = 8
+# An image's number, rotation, translation and camera; its name and features follow.
+_IMAGE = struct.Struct("<I4d3dI")
+_FEATURE = 24
+_LONGEST_NAME = 4096
+_DECLARED = re.compile(r"#\s*Number of (?:points|images):\s*(\d{1,18})\b")
+
+
+class ColmapModel(PointFile):
+    """A model's folder, or its points3D file; images lie beside it.
+
+    A point belongs to the first image that saw it. Without images, all points are one keyframe.
+    """
+
+    kind = "COLMAP model"
+
+    def _read(self) -> Content:
+        file = self._points_file()
+        images_file = file.with_name(f"images{file.suffix}")
+        binary = file.suffix == ".bin"
+        if not images_file.exists():
+            points, _, losses = (_binary_points if binary else _text_points)(file, {})
+            note = f"{self.path}: no {images_file.name} beside {file.name}: all points are one "
+            return Content([Cloud(points)], [f"{note}keyframe, and there is no route"], losses)
+        images, lost = (_binary_images if binary else _text_images)(images_file)
+        images.sort()
+        ranks = {image.id: rank for rank, image in enumerate(images)}
+        points, first, losses = (_binary_points if binary else _text_points)(file, ranks)
+        return by_camera(
+            self.path, points, first, [image.camera for image in images], [*lost, *losses]
+        )
+
+    def _points_file(self) -> Path:
+        """Return the file of points; COLMAP, too, prefers the binary one."""
+        if self.path.is_dir():
+            binary = self.path / "points3D.bin"
+            return binary if binary.exists() else self.path / "points3D.txt"
+        return self.path
+
+
+class _Image(NamedTuple):
+    """An image; sorts by name."""
+
+    name: str
+    id: int
+    camera: Camera
+
+
+def _camera(pose: Sequence[float]) -> Camera:
+    """Return a camera, from its quaternion, w first, and its translation."""
+    w, x, y, z, *translation = pose
+    # False for NaN, too.
+    if not 1e-6 < math.hypot(w, x, y, z) < 1e6:
+        return Camera()
+    return Camera.of(Rotation.from_quat([x, y, z, w]), translation)
+
+
+# --- binary ---
+
+
+def _binary_images(file: Path) -> tuple[list[_Image], list[str]]:
+    data = mapped(file)
+    declared, images, at = _declared(file, data), list[_Image](), _COUNT.size
+    while len(images) < declared:
+        name_at = at + _IMAGE.size
+        name, ended, _ = data[name_at : name_at + _LONGEST_NAME].tobytes().partition(b"\0")
+        features_at = name_at + len(name) + 1
+        if not ended or features_at + _COUNT.size > len(data):
+            break
+        number, *pose, _ = _IMAGE.unpack_from(data.data, at)
+        (features,) = _COUNT.unpack_from(data.data, features_at)
+        at = features_at + _COUNT.size + features * _FEATURE
+        images.append(_Image(name.decode("utf-8", "replace"), number, _camera(pose)))
+    lost = len(images) < declared
+    return images, [shortfall(file, len(images), declared, what="images")] if lost else []
+
+
+def _binary_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, list[str]]:
+    data = mapped(file)
+    declared = _declared(file, data)
+    data = data[_COUNT.size :]
+    count, (*xyz, tracks), _ = read_records(data, _POINT, declared, _XYZ_AND_TRACK)
+    lost = [shortfall(file, count, declared)] if count < declared else []
+    return side_by_side(xyz), _first_images(data, tracks, ranks), lost
+
+
+def _declared(file: Path, data: UInt8) -> int:
+    if len(data) < _COUNT.size:
+        raise InputError(
+            f"{file}: holds {len(data)} bytes, expected at least 8: the number of what follows"
+        )
+    return int(_COUNT.unpack_from(data.data)[0])
+
+
+def _first_images(data: UInt8, tracks: Int64, ranks: dict[int, int]) -> Int64:
+    """Return the lowest rank of the images in each track; -1 where none is known."""
+    begin, lengths = tracks.T
+    before = np.cumsum(lengths) - lengths
+    at = np.repeat(begin - before * _OBSERVATION, lengths)
+    at += np.arange(len(at)) * _OBSERVATION
+    image, seen = np.unique(gather(data, at, "<u4"), return_inverse=True)
+    unknown = len(ranks)
+    rank = np.array([ranks.get(number, unknown) for number in image.tolist()], dtype=np.int64)
+    first = np.full(len(tracks), unknown)
+    np.minimum.at(first, np.repeat(np.arange(len(tracks)), lengths), rank[seen])
+    return np.where(first == unknown, -1, first)
+
+
+# --- text ---
+
+
+def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
+    """Read images: of each a line, and a line of its features, which may be empty."""
+    images, tally = list[_Image](), _Tally(file)
+    with file.open(encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            if tally.passes(line):
+                continue
+            words = line.split(maxsplit=9)
+            try:
+                pose = [float(word) for word in words[1:8]]
+                # A name that the file ends in may have lost its end.
+                if len(words) < 10 or not line.endswith("\n"):
+                    raise ValueError
+                images.append(_Image(words[9].strip(), int(words[0]), _camera(pose)))
+            except ValueError:
+                tally.fault(line)
+            else:
+                next(lines, "")
+    return images, tally.losses(len(images), "images")
+
+
+def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, list[str]]:
+    """Read points, a line each: the number, x, y, z, a colour, an error, and the track."""
+    points, first, tally = list[list[float]](), list[int](), _Tally(file)
+    unknown = len(ranks)
+    with file.open(encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            if tally.passes(line):
+                continue
+            words = line.split()
+            try:
+                if len(words) < 8:
+                    raise ValueError
+                point = [float(word) for word in words[1:4]]
+                images = [int(word) for word in words[8::2]]
+            except ValueError:
+                tally.fault(line)
+            else:
+                points.append(point)
+                first.append(min((ranks.get(image, unknown) for image in images), default=unknown))
+    rank = np.array(first, dtype=np.int64)
+    xyz = np.array(points, dtype=np.float64).reshape(-1, 3)
+    return xyz, np.where(rank == unknown, -1, rank), tally.losses(len(points), "points")
+
+
+class _Tally:
+    """Passes over the comments of a text, and counts what is declared there and broken."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._declared = 0
+        self._broken: list[str] = []
+
+    def passes(self, line: str) -> bool:
+        """Tell whether a line is blank or a comment."""
+        if declared := _DECLARED.match(line):
+            self._declared = int(declared[1])
+        return not line.strip() or line.startswith("#")
+
+    def fault(self, line: str) -> None:
+        """Count a broken line."""
+        self._broken.append(short(line.strip()))
+
+    def losses(self, came: int, what: str) -> list[str]:
+        """Say what is missing."""
+        declared = max(self._declared, came + len(self._broken))
+        fault = f"the first broken line is {self._broken[0]}" if self._broken else ""
+        return [shortfall(self._file, came, declared, fault, what)] if came < declared else []

@@ -1,0 +1,160 @@
+"""LAS and LAZ files as clouds, through laspy and lazrs: scaled coordinates in float64.
+
+All points are taken but those flagged as withheld, which the format's description calls deleted.
+(ASPRS, LAS Specification 1.4 R15.)
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import struct
+from collections.abc import Iterable
+from itertools import chain, repeat
+from typing import Any, BinaryIO, NamedTuple
+
+import laspy
+import numpy as np
+
+from mlscli.errors import InputError
+from mlscli.io.clouds.laz import check_packing, needs_table, readable_points
+from mlscli.io.clouds.pointfile import (
+    KEYFRAME_FIELDS,
+    Content,
+    PointFile,
+    by_keyframe,
+    shortfall,
+    side_by_side,
+)
+from mlscli.io.clouds.records import mapped
+from mlscli.typing import Array, Float64
+
+# What it has to say is raised too.
+logging.getLogger("laspy").addHandler(logging.NullHandler())
+
+_CHUNK_BYTES = 1 << 22
+_HEADER = struct.Struct("<4s90xHII")
+_SHORTEST_HEADER = 227
+_VARIABLE_RECORD = 54
+
+
+class LasCloud(PointFile):
+    """A LAS or LAZ file: one keyframe, unless an extra dimension tells keyframes apart."""
+
+    kind = "LAS cloud"
+
+    def _read(self) -> Content:
+        header, one_way = self._header()
+        count = header.point_count
+        tried = (
+            readable_points(header, mapped(self.path)) if header.are_points_compressed else count
+        )
+        step = max(1, _CHUNK_BYTES // header.point_format.size)
+        part = self._part(repeat(step), tried, one_way)
+        for smaller in (256, 1) if part.fault else ():
+            nearer = self._part(chain(part.sizes, repeat(smaller)), tried, one_way)
+            part = max(part, nearer, key=lambda part: sum(part.sizes))
+        points = np.concatenate([np.empty((0, 3)), *part.points])
+        labels = np.concatenate(part.labels) if part.labels else None
+        came = sum(part.sizes)
+        withheld = came - len(points)
+        return Content(
+            by_keyframe(points, labels),
+            [f"{self.path}: {withheld:,} points are flagged as withheld and left out"]
+            if withheld
+            else [],
+            [shortfall(self.path, came, count, part.fault)] if came < count else [],
+        )
+
+    def _header(self) -> tuple[laspy.LasHeader, bool]:
+        """Read the header, and tell whether the points can be read without seeking.
+
+        Then a file that was cut can be, too: compressed points are found without the table of
+        chunks at their end, unless these are of any size.
+
+        Raises
+        ------
+        InputError
+            It is not whole, or contradicts itself.
+        """
+        data = mapped(self.path)
+        try:
+            _, size, begin, records = _HEADER.unpack_from(data.data)
+            if len(data) < max(begin, _SHORTEST_HEADER):
+                raise ValueError(f"the file ends at byte {len(data):,}, before its points")
+            # laspy reads as many as are declared, be they there or not.
+            if records * _VARIABLE_RECORD > begin - size:
+                raise ValueError(f"{records:,} variable length records do not fit the header")
+            with self.path.open("rb") as file:
+                header = laspy.LasHeader.read_from(file)
+            if not header.are_points_compressed:
+                return header, True
+            (packing,) = header.vlrs.get("LasZipVlr")
+            check_packing(header, packing)
+            return header, not needs_table(header, packing, data)
+        # A damaged header can fail in any way that laspy knows.
+        except Exception as error:
+            reason = " ".join(str(error).split())
+            raise InputError(f"{self.path}: the header cannot be read: {reason}") from error
+
+    def _part(self, steps: Iterable[int], left: int, one_way: bool) -> _Part:
+        """Read so many points at a time, until all came or no more can be read."""
+        part = _Part([], [], [], "")
+        with self.path.open("rb") as file:
+            try:
+                reader = laspy.LasReader(
+                    _OneWay(file) if one_way else file,
+                    laz_backend=laspy.LazBackend.Lazrs,
+                    read_evlrs=False,
+                )
+                label = _keyframe_dimension(reader.header)
+                for step in steps:
+                    if not left:
+                        break
+                    chunk = reader.read_points(min(step, left))
+                    if not len(chunk):
+                        raise EOFError("the file ends before them")
+                    kept = ~np.asarray(chunk.withheld, dtype=np.bool_)
+                    xyz = side_by_side([chunk.x, chunk.y, chunk.z])
+                    part.points.append(xyz[kept])
+                    if label is not None:
+                        part.labels.append(np.asarray(chunk[label])[kept])
+                    part.sizes.append(len(chunk))
+                    left -= len(chunk)
+            # Damaged points can fail in any way that laspy and lazrs know, panics of Rust included.
+            except BaseException as error:
+                if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+                    raise
+                return part._replace(fault=" ".join(str(error).split()) or type(error).__name__)
+        return part
+
+
+class _Part(NamedTuple):
+    """Chunks of points and their keyframes, how many points each had, and what ended them."""
+
+    points: list[Float64]
+    labels: list[Array]
+    sizes: list[int]
+    fault: str
+
+
+class _OneWay(io.RawIOBase):
+    """A file that cannot be sought in."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def readable(self) -> bool:
+        """Say that it can be read."""
+        return True
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Read into a buffer."""
+        data = self._file.read(len(buffer))
+        buffer[: len(data)] = data
+        return len(data)
+
+
+def _keyframe_dimension(header: laspy.LasHeader) -> str | None:
+    names = list(header.point_format.extra_dimension_names)
+    return next((name for name in KEYFRAME_FIELDS if name in names), None)

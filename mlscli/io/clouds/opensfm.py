@@ -1,0 +1,135 @@
+"""Reconstructions of OpenSfM and OpenDroneMap: reconstruction.json and tracks.csv.
+
+Shots in the order of their capture times, then of their names, are keyframes. A shot's rotation
+(an axis times an angle) and translation take the world to the camera. Each row of tracks.csv
+begins with a shot and a point that it saw, parted by a tab; what follows depends on the version.
+(https://opensfm.org/docs/dataset.html)
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlscli.errors import InputError
+from mlscli.io.base import Cloud
+from mlscli.io.clouds.cameras import Camera, by_camera
+from mlscli.io.clouds.pointfile import Content, PointFile
+
+_LEAST_TRACK_COLUMNS = 8
+
+
+class OpenSfmReconstruction(PointFile):
+    """A reconstruction.json; tracks.csv lies beside it, or all points are one keyframe."""
+
+    kind = "OpenSfM reconstruction"
+
+    def _read(self) -> Content:
+        shots, points, notes = self._document()
+        tracks = self.path.with_name("tracks.csv")
+        xyz = np.array(list(map(self._coordinates, points, points.values()))).reshape(-1, 3)
+        if not tracks.exists():
+            note = f"{self.path}: no tracks.csv beside it: all points are one keyframe, and there "
+            return Content([Cloud(xyz)], [*notes, f"{note}is no route"])
+        cameras = {name: _camera(shot) for name, shot in shots.items()}
+        order = sorted(cameras, key=lambda name: (_time(cameras[name]), name))
+        first, losses = self._first_shots(tracks, {name: k for k, name in enumerate(order)})
+        content = by_camera(
+            self.path,
+            xyz,
+            np.array([first.get(point, -1) for point in points], dtype=np.int64),
+            [cameras[name] for name in order],
+            losses,
+        )
+        return content._replace(notes=[*notes, *content.notes])
+
+    def _document(self) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
+        """Return the shots and the points of the largest reconstruction, and a note if several.
+
+        Raises
+        ------
+        InputError
+            It is not whole JSON, or lacks shots or points.
+        """
+        try:
+            document = json.loads(self.path.read_bytes())
+        # Among them that the text is no UTF-8, and that a number is too long.
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{self.path}: is no whole JSON file: {error}") from error
+        found = document if isinstance(document, list) else [document]
+        for reconstruction in found:
+            for key in ("shots", "points"):
+                if not isinstance(reconstruction, dict) or not isinstance(
+                    reconstruction.get(key), dict
+                ):
+                    raise InputError(
+                        f"{self.path}: found a reconstruction without {key}, expected an object "
+                        f"with the objects shots and points"
+                    )
+        if not found:
+            raise InputError(f"{self.path}: found an empty list, expected a reconstruction")
+        largest = max(found, key=lambda reconstruction: len(reconstruction["shots"]))
+        notes = []
+        if len(found) > 1:
+            notes.append(
+                f"{self.path}: holds {len(found)} reconstructions, each in a frame of its own; "
+                f"taken is the one with most shots, {len(largest['shots'])}, and "
+                f"{len(largest['points']):,} points"
+            )
+        return largest["shots"], largest["points"], notes
+
+    def _coordinates(self, name: str, point: Any) -> list[float]:
+        try:
+            x, y, z = map(float, point["coordinates"])
+        except (KeyError, TypeError, ValueError, OverflowError):
+            raise InputError(
+                f"{self.path}: point {name[:40]}: found {str(point)[:60]}, expected coordinates: "
+                "three numbers"
+            ) from None
+        return [x, y, z]
+
+    def _first_shots(
+        self, tracks: Path, ranks: Mapping[str, int]
+    ) -> tuple[dict[str, int], list[str]]:
+        """Return the lowest rank of the shots that saw each point."""
+        first: dict[str, int] = {}
+        broken = 0
+        with tracks.open(encoding="utf-8", errors="replace") as lines:
+            for line in lines:
+                shot, _, rest = line.partition("\t")
+                point, _, rest = rest.partition("\t")
+                if rest.count("\t") < _LEAST_TRACK_COLUMNS - 3:
+                    broken += bool(line.strip()) and not line.startswith("OPENSFM_TRACKS_VERSION")
+                elif shot in ranks:
+                    first[point] = min(ranks[shot], first.get(point, len(ranks)))
+        return first, [f"{tracks}: broken rows, not used: {broken:,}"] if broken else []
+
+
+def _camera(shot: Any) -> Camera:
+    """Return where and when a shot was taken, as far as it says."""
+    try:
+        rotation, translation = (
+            [float(value) for value in shot[key]] for key in ("rotation", "translation")
+        )
+        if len(rotation) != 3 or len(translation) != 3:
+            raise ValueError
+        with np.errstate(all="ignore"):
+            camera = Camera.of(Rotation.from_rotvec(rotation), translation)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        camera = Camera()
+    try:
+        stamp = float(shot["capture_time"])
+    except (KeyError, TypeError, ValueError, OverflowError):
+        stamp = 0.0
+    return camera._replace(stamp=stamp if stamp > 0 and math.isfinite(stamp) else math.nan)
+
+
+def _time(camera: Camera) -> float:
+    """Return a time to sort by."""
+    return -math.inf if math.isnan(camera.stamp) else camera.stamp

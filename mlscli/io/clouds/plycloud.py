@@ -1,0 +1,185 @@
+"""PLY files as clouds: the vertices, whatever their properties and whatever else is there.
+
+A header says which elements follow in which order, how many of each, and of which properties: a
+number, or a list that begins with its length. In ``ascii`` an element is a row, in
+``binary_little_endian`` and ``binary_big_endian`` a record. (G. Turk, The PLY Polygon File
+Format, 1994.) Numbers in a text are read as they are written, also where a property is ``float``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mlscli.errors import InputError
+from mlscli.io.clouds.pointfile import (
+    KEYFRAME_FIELDS,
+    Content,
+    PointFile,
+    by_keyframe,
+    shortfall,
+    side_by_side,
+)
+from mlscli.io.clouds.records import Field, mapped, read_records
+from mlscli.io.clouds.rows import Item, open_rows
+from mlscli.typing import Array
+
+# By the name of 1994 and by the later one, and as numpy writes them.
+_TYPES = {
+    name: type_
+    for type_, names in (
+        ("i1", "char int8"),
+        ("u1", "uchar uint8"),
+        ("i2", "short int16"),
+        ("u2", "ushort uint16"),
+        ("i4", "int int32"),
+        ("u4", "uint uint32"),
+        ("i8", "int64"),
+        ("u8", "uint64"),
+        ("f4", "float float32"),
+        ("f8", "double float64"),
+    )
+    for name in names.split()
+}
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_LONGEST_HEADER = 1 << 20
+
+
+class PlyCloud(PointFile):
+    """The vertices of a PLY file: one keyframe, unless a property tells keyframes apart."""
+
+    kind = "PLY cloud"
+
+    def _read(self) -> Content:
+        header = self._header()
+        vertex = next((e for e in header.elements if e.name.lower() == "vertex"), None)
+        if vertex is None:
+            names = ", ".join(element.name for element in header.elements)
+            raise InputError(
+                f"{self.path}: has no element vertex, found {names or 'no element at all'}"
+            )
+        wanted = self._wanted(vertex)
+        columns, fault = (self._records if header.order else self._rows)(header, vertex, wanted)
+        points = side_by_side(columns[:3])
+        lost = len(points) < vertex.count
+        return Content(
+            by_keyframe(points, columns[3] if len(columns) > 3 else None),
+            losses=[shortfall(self.path, len(points), vertex.count, fault)] if lost else [],
+        )
+
+    def _header(self) -> _Header:
+        """Read the header.
+
+        Raises
+        ------
+        InputError
+            It has no end, or a line of it is not understood.
+        """
+        with self.path.open("rb") as file:
+            head = file.read(_LONGEST_HEADER)
+        # The body of a binary file can begin with what elsewhere would belong to a line's end.
+        newline = re.match(rb"ply[ \t]*(\r\n|\r|\n)", head)
+        ending = newline[1] if newline else b"\n"
+        end = re.search(ending + rb"end_header[ \t]*" + ending, head)
+        if end is None:
+            raise InputError(f"{self.path}: found no end_header, which ends the header of a PLY")
+        order, elements = "", list[_Element]()
+        texts = head[: end.start()].decode("utf-8", "replace").split(ending.decode())
+        for number, text in enumerate(texts[1:], start=2):
+            match text.split():
+                case ["format", name, *_] if name in _ORDERS:
+                    order = _ORDERS[name]
+                case ["element", name, count] if re.fullmatch(r"[0-9]{1,40}", count):
+                    elements.append(_Element(name, int(count), []))
+                case ["property", "list", length, type_, name] if (
+                    elements and _TYPES.get(length, "f")[0] != "f" and type_ in _TYPES
+                ):
+                    elements[-1].fields.append(Field(name, _TYPES[type_], _TYPES[length]))
+                case ["property", type_, name] if elements and type_ in _TYPES:
+                    elements[-1].fields.append(Field(name, _TYPES[type_]))
+                case ["comment" | "obj_info", *_] | []:
+                    pass
+                case _:
+                    raise InputError(
+                        f"{self.path}:{number}: found {text.strip()[:60]!r}, expected a format "
+                        f"({', '.join(_ORDERS)}), an element with its count, or a property of a "
+                        f"type such as float"
+                    )
+        return _Header(order, elements, end.end())
+
+    def _wanted(self, vertex: _Element) -> list[int]:
+        """Return which properties are the coordinates, and the keyframe where there is one."""
+        numbers = {
+            field.name.lower(): place
+            for place, field in reversed(list(enumerate(vertex.fields)))
+            if not field.length
+        }
+        if not {"x", "y", "z"} <= numbers.keys():
+            names = ", ".join(field.name for field in vertex.fields)
+            raise InputError(
+                f"{self.path}: the element vertex has the properties {names or 'none'}, expected "
+                "a number x, y and z"
+            )
+        keyframe = [numbers[name] for name in KEYFRAME_FIELDS if name in numbers][:1]
+        return [numbers["x"], numbers["y"], numbers["z"], *keyframe]
+
+    def _records(
+        self, header: _Header, vertex: _Element, wanted: Sequence[int]
+    ) -> tuple[list[Array], str]:
+        """Return the wanted columns of a binary file."""
+        data = mapped(self.path)[header.size :]
+        for element in header.elements[: header.elements.index(vertex)]:
+            data = read_records(data, element.fields, element.count, order=header.order).rest
+        return read_records(data, vertex.fields, vertex.count, wanted, header.order).columns, ""
+
+    def _rows(
+        self, header: _Header, vertex: _Element, wanted: Sequence[int]
+    ) -> tuple[list[Array], str]:
+        """Return the wanted columns of a text, and what is wrong with its first broken row."""
+        with open_rows(self.path, header.size) as rows:
+            for element in header.elements[: header.elements.index(vertex)]:
+                rows.skip(element.count if element.fields else 0)
+            values, fault = rows.read(vertex.count, _Picker(vertex.fields, wanted), vertex.width)
+        return list(values.reshape(-1, len(wanted)).T), fault
+
+
+class _Header(NamedTuple):
+    """The byte order of numbers, empty for a text; the elements; the bytes of the header."""
+
+    order: str
+    elements: list[_Element]
+    size: int
+
+
+@dataclass(frozen=True)
+class _Element:
+    """What a header says of an element."""
+
+    name: str
+    count: int
+    fields: list[Field]
+
+    @property
+    def width(self) -> int | None:
+        """How many numbers a row has; None where lists make rows differ."""
+        return None if any(field.length for field in self.fields) else len(self.fields)
+
+
+class _Picker(NamedTuple):
+    """Takes fields out of a row, past the lists before them."""
+
+    fields: Sequence[Field]
+    places: Sequence[int]
+
+    def __call__(self, row: Sequence[Item], /) -> list[Item]:
+        if not any(field.length for field in self.fields):
+            return [row[place] for place in self.places]
+        starts, at = [], 0
+        for field in self.fields:
+            starts.append(at)
+            at += 1 + int(str(row[at])) if field.length else 1
+        if at > len(row):
+            raise IndexError
+        return [row[starts[place]] for place in self.places]

@@ -1,0 +1,133 @@
+"""What files of points have in common: no topics, no frames, read once and then held whole."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mlscli.errors import InputError
+from mlscli.io.base import Cloud, Topic, Wanted, everything, rows_by_first_appearance
+from mlscli.keyframes import UNKNOWN_POSITION
+from mlscli.typing import Array, Float64
+
+if TYPE_CHECKING:
+    from mlscli.io.messages.poses import StampedPoses
+
+KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
+"""What a field that tells the points of several keyframes apart is named."""
+
+
+class Content(NamedTuple):
+    """What a file holds: its keyframes in order, and what the user should know of them.
+
+    Attributes
+    ----------
+    clouds, notes, losses
+        As a source offers them.
+    stamps : float64 (N,)
+        All times in seconds, in any order; NaN where not known.
+    """
+
+    clouds: Sequence[Cloud]
+    notes: Sequence[str] = ()
+    losses: Sequence[str] = ()
+    stamps: Float64 = np.empty(0)
+
+
+class PointFile(ABC):
+    """A source that is one file or folder of points.
+
+    Parameters
+    ----------
+    path : Path
+        Read when its content is first asked for.
+    """
+
+    kind: str
+    frame_id = ""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @abstractmethod
+    def _read(self) -> Content:
+        """Read the file."""
+
+    @property
+    def label(self) -> str:
+        """The path."""
+        return str(self.path)
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know about how it is read."""
+        return self._content.notes
+
+    @property
+    def losses(self) -> Sequence[str]:
+        """What could not be read."""
+        return self._content.losses
+
+    @property
+    def expected_keyframes(self) -> int:
+        """How many keyframes it holds."""
+        return len(self._content.clouds)
+
+    def topics(self) -> Sequence[Topic]:
+        """Return nothing: such files have no topics."""
+        return ()
+
+    def time_span(self) -> tuple[float, float]:
+        """Return the first and the last time in seconds; NaN where none is known."""
+        stamps = self._content.stamps
+        known = stamps[np.isfinite(stamps)]
+        return (float(known.min()), float(known.max())) if len(known) else (math.nan, math.nan)
+
+    def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
+        """Yield the cloud of each keyframe."""
+        return (cloud for cloud in self._content.clouds if wanted(cloud.stamp))
+
+    def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
+        """Tell nothing: clouds and positions of one file are in one frame."""
+        return iter(())
+
+    def poses(self, topic: str) -> Iterator[StampedPoses]:  # noqa: ARG002
+        """Tell nothing: such files have no topics."""
+        return iter(())
+
+    @cached_property
+    def _content(self) -> Content:
+        try:
+            return self._read()
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
+
+
+def side_by_side(columns: Sequence[Array]) -> Float64:
+    """Return columns of any type as one float64 array (N, columns)."""
+    # Signalling NaNs are no reason to warn: points that are not finite are dropped later.
+    with np.errstate(invalid="ignore"):
+        return np.stack(columns, axis=1, dtype=np.float64, casting="unsafe")
+
+
+def by_keyframe(
+    points: Float64,
+    labels: Array | None,
+    position: tuple[float, float, float] = UNKNOWN_POSITION,
+) -> list[Cloud]:
+    """Return a cloud for each distinct label, in order of first appearance; without labels one."""
+    if labels is None or not len(points):
+        return [Cloud(points, position=position)]
+    return [Cloud(points[rows], position=position) for rows in rows_by_first_appearance(labels)]
+
+
+def shortfall(path: Path, came: int, declared: int, fault: str = "", what: str = "points") -> str:
+    """Say how many of the points declared are missing, and why."""
+    why = fault or "the file ends before them"
+    return f"{path}: {declared - came:,} of {declared:,} {what} are missing: {why}"

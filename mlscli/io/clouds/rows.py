@@ -1,0 +1,140 @@
+"""Rows of numbers in a text, as many as a header declares."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple, Protocol, TextIO, TypeVar
+
+import numpy as np
+
+from mlscli.io.clouds import columns as lines
+from mlscli.typing import Float64
+
+Item = TypeVar("Item")
+
+
+class Pick(Protocol):
+    """Takes what is wanted out of a row; an IndexError or ValueError where it is not there."""
+
+    def __call__(self, row: Sequence[Item], /) -> list[Item]:
+        """Return the wanted ones."""
+
+
+class Rows(NamedTuple):
+    """Rows read.
+
+    Attributes
+    ----------
+    values : float64 (N, columns)
+        Of each whole row, what was picked.
+    fault : str
+        What is wrong with the first row that is not; empty where there is none.
+    """
+
+    values: Float64
+    fault: str
+
+
+@contextmanager
+def open_rows(path: Path, begin: int) -> Iterator[RowReader]:
+    """Open the rows of a text that follow its first `begin` bytes."""
+    with path.open("rb") as file:
+        file.seek(begin)
+        with io.TextIOWrapper(file, "ascii", "replace") as text:
+            yield RowReader(text, path)
+
+
+class RowReader:
+    """Reads rows in turn; blank lines and comments are none.
+
+    Parameters
+    ----------
+    file : text file
+        At the first row.
+    path : Path
+        What to call it.
+    """
+
+    def __init__(self, file: TextIO, path: Path) -> None:
+        self._blocks = lines.blocks(file, path)
+        self._waiting: list[str] = []
+        self._ends_whole = True
+
+    def skip(self, count: int) -> None:
+        """Pass over rows."""
+        while count and (rows := self._take(count)):
+            count -= len(rows)
+
+    def read(self, count: int, pick: Pick, width: int | None) -> Rows:
+        """Read up to `count` rows.
+
+        Parameters
+        ----------
+        count : int
+            As the file declares it, of any size.
+        pick : Pick
+            Which numbers of a row to return.
+        width : int, optional
+            How many numbers a row has; None where rows differ.
+        """
+        values: list[Float64] = []
+        first_fault, came = "", 0
+        while came < count and (rows := self._take(count - came)):
+            if came + len(rows) < count and not self._waiting and not self._ends_whole:
+                # Cut within its last number it would look whole.
+                rows.pop()
+            block, fault = _numbers(rows, pick, width)
+            if len(block):
+                values.append(block)
+            if fault is not None and not first_fault:
+                row, found = fault
+                first_fault = f"the first is {came + row + 1:,}, found {found}"
+            came += len(rows)
+        return Rows(np.concatenate(values) if values else np.empty((0, 0)), first_fault)
+
+    def _take(self, count: int) -> list[str]:
+        """Return the next rows, at most `count` and at most a block of them; none at the end."""
+        while not self._waiting:
+            block = next(self._blocks, None)
+            if block is None:
+                return []
+            _, text = block
+            self._ends_whole = text.endswith("\n")
+            self._waiting = [
+                row
+                for row in text.split("\n")
+                if not lines.is_blank(row) and not row.lstrip().startswith("#")
+            ]
+        taken, self._waiting = self._waiting[:count], self._waiting[count:]
+        return taken
+
+
+def _numbers(
+    rows: Sequence[str], pick: Pick, width: int | None
+) -> tuple[Float64, tuple[int, str] | None]:
+    """Return what was picked of each whole row, and which is the first broken one and why."""
+    if rows and width is not None:
+        block = lines.numbers(lines.clean("\n".join(rows)), range(width))
+        if block is not None:
+            return block[:, pick(range(width))], None
+    kept, fault = [], None
+    for number, row in enumerate(rows):
+        words = lines.fields(row)
+        try:
+            if width is not None and len(words) < width:
+                raise ValueError
+            kept.append([_number(word) for word in pick(words)])
+        except (IndexError, ValueError):
+            expected = "numbers" if width is None else f"{width} numbers"
+            fault = fault or (number, f"{lines.short(row.strip())}, expected {expected}")
+    return np.array(kept, dtype=np.float64), fault
+
+
+def _number(word: str) -> float:
+    """Return a number; of a missing value NaN."""
+    if word and not lines.is_number(word):
+        raise ValueError
+    return float(word or "nan")

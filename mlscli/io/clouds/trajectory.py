@@ -1,0 +1,162 @@
+"""Trajectories as TUM's RGB-D benchmark writes them: where a craft was, line by line.
+
+A line is ``stamp x y z qx qy qz qw``, or ``stamp x y z`` where the attitude is not known, parted
+and commented like a text cloud. Time stamps are seconds; where they reach 1e11 (3,000 years, or
+100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from mlscli.errors import InputError
+from mlscli.io.clouds import columns as lines
+from mlscli.poses import PoseTrack, tells_pose, unit
+from mlscli.typing import Float64
+
+_COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+_NANOSECONDS = 1e11
+_LARGEST_FILE = 1 << 30
+# What is mistaken for a cloud is told by so many lines, and quaternions of length 1 but for this.
+_FIRST_ROWS = 20
+_ROUNDED = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Where a craft was and how it was turned, in the order of time.
+
+    Attributes
+    ----------
+    path : Path
+    stamps : float64 (K,)
+        Seconds, ascending.
+    positions : float64 (K, 3)
+    attitudes : float64 (K, 4) or None
+        Unit quaternions x y z w, from the craft's axes or its camera's to the world's.
+    notes : tuple of str
+        What the user should know about how it was read.
+    """
+
+    path: Path
+    stamps: Float64
+    positions: Float64
+    attitudes: Float64 | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def route(self) -> Float64:
+        """Time, x, y, z (K, 4): rows as a map stores them."""
+        return np.column_stack((self.stamps, self.positions))
+
+    @cached_property
+    def track(self) -> PoseTrack:
+        """The same as poses to be interpolated; without attitudes, none is turned."""
+        attitudes = self.attitudes
+        if attitudes is None:
+            attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(self.stamps), 1))
+        return PoseTrack(self.stamps, self.positions, attitudes)
+
+    def at(self, stamps: Float64) -> Float64:
+        """Return the position (M, 3) at each of these times (M,), by `PoseTrack`'s rule.
+
+        NaN where it is not known, as at the time NaN.
+        """
+        return self.track.at(stamps).translation
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Read a trajectory.
+
+    Lines in which a number is NaN or infinite, or the quaternion has no length, tell no pose:
+    they are left out with a note. Of lines with the same time stamp the last counts.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a line is broken, or there is no pose.
+    """
+    text = _without_header(_text(path))
+    first = next((words for line in text.split("\n") if (words := lines.fields(line))), None)
+    if first is None:
+        raise InputError(f"{path}: holds no poses, expected lines of {' '.join(_COLUMNS)}")
+    if len(first) not in (4, 8):
+        raise InputError(
+            f"{path}: found {len(first)} columns, expected {' '.join(_COLUMNS)}, or the first four"
+        )
+    layout = {name: place for place, name in enumerate(_COLUMNS[: len(first)])}
+    rows = lines.numbers(lines.clean(text), layout.values())
+    if rows is None:
+        number, fault = lines.first_fault(text, layout)
+        raise InputError(f"{path}:{number + 1}: {fault}")
+    return _trajectory(path, rows)
+
+
+def is_trajectory(rows: Iterable[Sequence[str]]) -> bool:
+    """Tell whether the first rows of a text are lines of a trajectory with attitudes.
+
+    They are eight numbers, of which the first grows and the last four are a quaternion.
+    """
+    some = list(islice(rows, _FIRST_ROWS))
+    if not some or any(len(row) != len(_COLUMNS) for row in some):
+        return False
+    try:
+        values = np.array(some, dtype=np.float64)
+    except ValueError:
+        return False
+    lengths = np.sqrt(np.square(values[:, 4:]).sum(axis=1))
+    return bool((np.diff(values[:, 0]) > 0).all() and (np.abs(lengths - 1) < _ROUNDED).all())
+
+
+def _trajectory(path: Path, rows: Float64) -> Trajectory:
+    """Return what lines of 4 or 8 numbers tell."""
+    stamps, positions = rows[:, 0], rows[:, 1:4]
+    attitudes = rows[:, 4:] if rows.shape[1] == 8 else np.ones((len(rows), 4))
+    told = np.flatnonzero(tells_pose(stamps, positions, attitudes))
+    if not len(told):
+        raise InputError(f"{path}: holds no poses, each of its {len(rows)} lines has a fault")
+    notes = []
+    if len(told) < len(rows):
+        notes.append(
+            f"{path}: {len(rows) - len(told)} of {len(rows)} lines tell no pose and are left out"
+        )
+    if np.abs(stamps[told]).max() >= _NANOSECONDS:
+        stamps = stamps / 1e9
+        notes.append(f"{path}: the time stamps are taken as nanoseconds")
+    order = told[np.argsort(stamps[told], kind="stable")]
+    order = order[np.diff(stamps[order], append=np.inf) > 0]
+    return Trajectory(
+        path,
+        stamps[order],
+        positions[order] + 0.0,
+        unit(attitudes[order]) if rows.shape[1] == 8 else None,
+        tuple(notes),
+    )
+
+
+def _text(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        if size > _LARGEST_FILE:
+            raise InputError(f"{path}: found {size:,} bytes, expected a trajectory of at most 1 GB")
+        return path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _without_header(text: str) -> str:
+    """Leave the first line with words blank if they are names."""
+    rows = text.split("\n")
+    for number, row in enumerate(rows):
+        words = lines.fields(row)
+        if words:
+            if not any(lines.is_number(word) or not word for word in words):
+                rows[number] = ""
+            break
+    return "\n".join(rows)

@@ -1,0 +1,1 @@
+"""Containers of messages: ROS 1 bags, ROS 2 bags and MCAP files, whole or damaged."""

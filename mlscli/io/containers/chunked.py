@@ -1,0 +1,273 @@
+"""What ROS 1 bags and MCAP files share: messages in chunks that are found before they are read.
+
+Opening walks from record to record and skips the chunks' content; what a chunk holds and when is
+told by the index beside it. A chunk whose index is missing, as at the end of a recording that
+breaks off, is read once at opening instead. A pass then reads the chunks that hold what is
+wanted, in the order of their times. What is damaged is left out and told; what the end of the
+file cuts is read as far as it goes.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from mlscli.errors import InputError
+from mlscli.io.containers.compression import decompress, decompress_start, plain
+from mlscli.io.containers.container import Channel, Message
+from mlscli.io.containers.losses import DamagedError, Losses
+from mlscli.io.containers.streams import in_settled_order, in_time_order, united
+
+_WINDOW = 1 << 20
+_OVERLAP = 64
+
+
+@dataclass
+class Chunk:
+    """A run of records in a file, among them messages.
+
+    Attributes
+    ----------
+    position, stop : int
+        Where it begins in the file, and where what follows it does, in bytes.
+    start, end : int
+        The first and the last log time in nanoseconds, once `counts` are known.
+    counts : dict or None
+        The messages of each channel by its number; None where not known.
+    data_at, data_size : int
+        Where its content lies, as stored.
+    compression, size, crc
+        How that is compressed, its bytes decompressed, and their checksum; 0 without one.
+    cut : bool
+        The file ends before it does, which is told already.
+    bare : bool
+        Its records stand in the file itself, in no chunk.
+    """
+
+    position: int
+    stop: int
+    data_at: int
+    data_size: int
+    compression: str = ""
+    size: int = 0
+    crc: int = 0
+    start: int = 0
+    end: int = 0
+    counts: dict[int, int] | None = None
+    cut: bool = False
+    bare: bool = False
+
+
+class Entry(NamedTuple):
+    """A message in the content of a chunk: its time, its channel, and where its data lies."""
+
+    log_time: int
+    channel: int
+    start: int
+    stop: int
+
+
+@dataclass
+class Contents:
+    """The messages of a chunk, and what is wrong after the last of them; empty if nothing."""
+
+    entries: list[Entry] = field(default_factory=list)
+    fault: str = ""
+
+
+class ChunkedFile(ABC):
+    """A file of chunks.
+
+    Parameters
+    ----------
+    path : Path
+    name : Path, optional
+        What messages to the user call it, where that is not its path.
+
+    Raises
+    ------
+    InputError
+        It cannot be read at all.
+    """
+
+    kind = ""
+
+    def __init__(self, path: Path, name: Path | None = None) -> None:
+        self.path = path
+        self.name = name or path
+        self.notes: list[str] = []
+        self._found = Losses(self.name)
+        self._chunks: list[Chunk] = []
+        with self._opened() as file:
+            self._size = file.seek(0, 2)
+            self._find_chunks(file)
+            for chunk in self._chunks:
+                self._learn(file, chunk)
+        self._chunks = [chunk for chunk in self._chunks if chunk.counts != {}]
+        counts = self._declared_counts()
+        definitions = self._definitions()
+        if unknown := sum(count for channel, count in counts.items() if channel not in definitions):
+            self._found.add(
+                f"{unknown:,} messages belong to no channel that it defines", messages=unknown
+            )
+        self._channels = united(definitions, counts)
+        self._last = self._found
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """What it holds, by topic, type and definition."""
+        return in_settled_order(self._channels.values())
+
+    @property
+    def time_span(self) -> tuple[int, int] | None:
+        """The first and the last log time in nanoseconds, as its indexes tell."""
+        if not self._chunks:
+            return None
+        return min(c.start for c in self._chunks), max(c.end for c in self._chunks)
+
+    @property
+    def losses(self) -> Sequence[str]:
+        """What opening it and the last pass could not read, in one line."""
+        return self._last.lines()
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """Read the messages of these topics, or of all, in the order of their log times.
+
+        Of equal times, the message that stands first in the file comes first.
+        """
+        self._last = losses = self._found.copy()
+        wanted = {
+            number: channel
+            for number, channel in self._channels.items()
+            if topics is None or channel.topic in topics
+        }
+        chunks = [c for c in self._chunks if c.counts is None or wanted.keys() & c.counts.keys()]
+        came = 0
+        with self._opened() as file:
+            for message in in_time_order(
+                chunks, lambda c: c.start, lambda c: self._read(file, c, wanted, losses)
+            ):
+                came += 1
+                yield message
+        losses.settle(came, sum(channel.count or 0 for channel in set(wanted.values())))
+
+    @contextmanager
+    def _opened(self) -> Iterator[BinaryIO]:
+        try:
+            with self.path.open("rb") as file:
+                yield file
+        except OSError as error:
+            raise InputError(f"{self.name}: cannot be read: {error.strerror or error}") from error
+
+    @abstractmethod
+    def _find_chunks(self, file: BinaryIO) -> None:
+        """Walk the file: fill `_chunks`, tell losses, and take note of definitions."""
+
+    @abstractmethod
+    def _contents(self, data: bytes) -> Contents:
+        """Find the messages in the content of a chunk, and take note of definitions."""
+
+    @abstractmethod
+    def _definitions(self) -> dict[int, Channel]:
+        """Return the channels that were defined, by their numbers, without counts."""
+
+    def _declared_counts(self) -> Mapping[int, int]:
+        """Return the messages of each channel."""
+        counts: Counter[int] = Counter()
+        for chunk in self._chunks:
+            counts.update(chunk.counts or {})
+        return counts
+
+    def _load(self, file: BinaryIO, chunk: Chunk) -> bytes:
+        """Return the content of a chunk; of one that is cut, what there is."""
+        try:
+            file.seek(chunk.data_at)
+            data = file.read(chunk.data_size)
+        except OSError as error:
+            raise DamagedError(error.strerror or str(error)) from error
+        if chunk.cut:
+            return decompress_start(data, chunk.compression, chunk.size)
+        if len(data) < chunk.data_size:
+            raise DamagedError("the file has become shorter")
+        content = decompress(data, chunk.compression, chunk.size)
+        if chunk.crc and _crc32(content) != chunk.crc:
+            raise DamagedError("its checksum is wrong")
+        return content
+
+    def _read(
+        self, file: BinaryIO, chunk: Chunk, wanted: Mapping[int, Channel], losses: Losses
+    ) -> Iterator[Message]:
+        """Read the messages of a chunk, in time order."""
+        try:
+            data = self._load(file, chunk)
+        except DamagedError as fault:
+            counts = chunk.counts or {}
+            losses.add(
+                f"the chunk at byte {chunk.position:,} is damaged: {fault}",
+                messages=sum(count for number, count in counts.items() if number in wanted),
+                nanoseconds=chunk.end - chunk.start,
+                size=chunk.data_size,
+            )
+            return
+        contents = self._contents(data)
+        if contents.fault and not chunk.cut:
+            losses.add(f"the chunk at byte {chunk.position:,} is damaged: {contents.fault}")
+        entries = [entry for entry in contents.entries if entry.channel in wanted]
+        entries.sort(key=lambda entry: entry.log_time)
+        # A copy would cost as much as reading.
+        view = memoryview(data)
+        for log_time, number, start, stop in entries:
+            channel = wanted[number]
+            content = plain(view[start:stop], channel.encoding)
+            if isinstance(content, DamagedError):
+                losses.add(
+                    f"a message of {channel.topic} is damaged: {content}",
+                    messages=1,
+                    size=stop - start,
+                )
+            else:
+                yield Message(channel, log_time, content)
+
+    def _learn(self, file: BinaryIO, chunk: Chunk) -> None:
+        """Read a chunk where no index tells what it holds, or what its channels are."""
+        if chunk.counts is not None and chunk.counts.keys() <= self._definitions().keys():
+            return
+        try:
+            entries = self._contents(self._load(file, chunk)).entries
+        except DamagedError as fault:
+            if chunk.counts is None:
+                chunk.counts = {}
+                self._found.add(
+                    f"the chunk at byte {chunk.position:,} is damaged: {fault}",
+                    size=chunk.data_size,
+                )
+            return
+        if chunk.counts is None:
+            chunk.counts = dict(Counter(entry.channel for entry in entries))
+        if entries:
+            chunk.start = min(entry.log_time for entry in entries)
+            chunk.end = max(entry.log_time for entry in entries)
+
+
+def find(file: BinaryIO, pattern: re.Pattern[bytes], start: int, stop: int) -> Iterator[int]:
+    """Find where a pattern of at most 64 bytes matches in a file, a megabyte at a time."""
+    at = start
+    while at < stop:
+        file.seek(at)
+        window = file.read(min(_WINDOW + _OVERLAP, stop - at))
+        for match in pattern.finditer(window):
+            if match.start() < _WINDOW:
+                yield at + match.start()
+        at += _WINDOW
+
+
+def _crc32(data: bytes) -> int:
+    import zlib
+
+    return zlib.crc32(data)

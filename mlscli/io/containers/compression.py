@@ -1,0 +1,190 @@
+"""Compressed chunks, files and messages: bounded, and read as far as they go where cut."""
+
+from __future__ import annotations
+
+import bz2
+from collections.abc import Callable
+from typing import Any, BinaryIO
+
+from mlscli.io.containers.losses import DamagedError
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+LARGEST = 1 << 32
+"""A chunk or message that claims to be larger than this when decompressed is damaged."""
+
+# A block of zstd can be 30,000 times as large decompressed.
+_PIECE = 1 << 14
+_SMALL_PIECE = 1 << 8
+
+
+def decompress(data: bytes, method: str, size: int) -> bytes:
+    """Decompress a whole chunk.
+
+    Parameters
+    ----------
+    data : bytes
+    method : str
+        bz2, lz4 (a frame), zstd, or none, which is also written as nothing.
+    size : int
+        What the chunk is declared to hold, in bytes.
+
+    Raises
+    ------
+    DamagedError
+        It holds something else, or the method is not known.
+    """
+    if method in ("", "none"):
+        return data
+    if size > LARGEST:
+        raise DamagedError(f"it claims {size:,} bytes decompressed, expected at most {LARGEST:,}")
+    try:
+        content = _whole(method)(data, size)
+    except (ValueError, OSError, RuntimeError, MemoryError, EOFError, _zstd_error()) as error:
+        if isinstance(error, DamagedError):
+            raise
+        raise DamagedError(f"{method}: {_one_line(error)}") from error
+    _compare(len(content), size)
+    return content
+
+
+def decompress_start(data: bytes, method: str, size: int) -> bytes:
+    """Decompress what can be of a chunk whose end is missing, at most `size` bytes."""
+    if method in ("", "none"):
+        return data[:size]
+    stream = _stream(method)
+    pieces = []
+    have = 0
+    # In small pieces: what came before a fault is kept.
+    for at in range(0, len(data), _SMALL_PIECE):
+        try:
+            piece = stream(data[at : at + _SMALL_PIECE])
+        except (ValueError, OSError, RuntimeError, MemoryError, EOFError, _zstd_error()):
+            break
+        pieces.append(piece)
+        have += len(piece)
+        if have >= size:
+            break
+    return b"".join(pieces)[:size]
+
+
+def plain(data: bytes | memoryview, encoding: str) -> bytes | memoryview | DamagedError:
+    """Return a message as it was serialized, or what is wrong with it.
+
+    ROS 2 can compress each message. That is told by how it begins, as no message in CDR does.
+    """
+    if encoding != "cdr" or data[:4] != ZSTD_MAGIC:
+        return data
+    import zstandard
+
+    compressed = bytes(data)
+    try:
+        size = zstandard.frame_content_size(compressed)
+        return (
+            decompress(compressed, "zstd", size)
+            if size >= 0
+            else _zstd_in_pieces(compressed, LARGEST)
+        )
+    except (zstandard.ZstdError, MemoryError) as error:
+        return DamagedError(f"zstd: {_one_line(error)}")
+    except DamagedError as error:
+        return error
+
+
+def decompress_file(source: BinaryIO, target: BinaryIO) -> str:
+    """Decompress a zstd file as far as it goes.
+
+    Returns
+    -------
+    str
+        What is wrong with it; empty where nothing is.
+    """
+    import zstandard
+
+    frame = None
+    try:
+        while piece := source.read(_PIECE):
+            while piece:
+                frame = frame or zstandard.ZstdDecompressor().decompressobj()
+                target.write(frame.decompress(piece))
+                piece = frame.unused_data if frame.eof else b""
+                frame = None if frame.eof else frame
+    except zstandard.ZstdError as error:
+        return f"zstd: {_one_line(error)}"
+    return "" if frame is None else "it breaks off"
+
+
+def _whole(method: str) -> Callable[[bytes, int], bytes]:
+    """Return what decompresses to at most a size, or one byte more where there is more."""
+    if method == "bz2":
+        return lambda data, size: bz2.BZ2Decompressor().decompress(data, size + 1)
+    if method == "lz4":
+        return _lz4
+    if method == "zstd":
+        return _zstd
+    raise DamagedError(f"its compression is {method[:20]!r}, expected none, bz2, lz4 or zstd")
+
+
+def _lz4(data: bytes, size: int) -> bytes:
+    import lz4.frame
+
+    # What a frame states would be allocated.
+    _compare(lz4.frame.get_frame_info(data)["content_size"] or size, size)
+    return bytes(lz4.frame.decompress(data))
+
+
+def _zstd(data: bytes, size: int) -> bytes:
+    import zstandard
+
+    stated = zstandard.frame_content_size(data)
+    if stated < 0:
+        return _zstd_in_pieces(data, size)
+    _compare(stated, size)
+    return zstandard.ZstdDecompressor().decompress(data)
+
+
+def _zstd_in_pieces(data: bytes, size: int) -> bytes:
+    """Decompress a frame that does not state its size, up to a size."""
+    import zstandard
+
+    frame = zstandard.ZstdDecompressor().decompressobj()
+    pieces = []
+    have = 0
+    for at in range(0, len(data), _SMALL_PIECE):
+        pieces.append(frame.decompress(data[at : at + _SMALL_PIECE]))
+        have += len(pieces[-1])
+        if have > size or frame.eof:
+            break
+    if not frame.eof:
+        raise DamagedError(f"zstd: it breaks off, or holds more than {size:,} bytes")
+    return b"".join(pieces)
+
+
+def _compare(stated: int, declared: int) -> None:
+    if stated != declared:
+        raise DamagedError(f"it holds {stated:,} bytes decompressed, declared {declared:,}")
+
+
+def _stream(method: str) -> Callable[[bytes], bytes]:
+    if method == "bz2":
+        return bz2.BZ2Decompressor().decompress
+    if method == "lz4":
+        import lz4.frame
+
+        decompress_lz4: Any = lz4.frame.LZ4FrameDecompressor()
+        return lambda data: bytes(decompress_lz4.decompress(data))
+    if method == "zstd":
+        import zstandard
+
+        return zstandard.ZstdDecompressor().decompressobj().decompress
+    return lambda _: b""
+
+
+def _zstd_error() -> type[Exception]:
+    import zstandard
+
+    return zstandard.ZstdError
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__

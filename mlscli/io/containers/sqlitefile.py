@@ -1,0 +1,195 @@
+"""SQLite files of ROS 2 bags, whole or damaged.
+
+A file is opened so that nothing is written beside it. Opening reads the times of all messages,
+24 bytes each; a pass then reads message by message in their order.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import tempfile
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from mlscli.errors import InputError
+from mlscli.io.containers.compression import plain
+from mlscli.io.containers.container import Channel, Message
+from mlscli.io.containers.losses import DamagedError, Losses
+from mlscli.io.containers.sqlitepages import Pages
+from mlscli.io.containers.sqlitetables import Database, MessageRows, Salvage, Tables, values
+from mlscli.io.containers.streams import in_settled_order, united
+
+MAGIC = b"SQLite format 3\0"
+
+_HEADER_SIZE = 100
+_LOGS = ("-wal", "-journal")
+
+
+class SqliteFile:
+    """The messages of a SQLite file.
+
+    Parameters
+    ----------
+    path : Path
+    name : Path, optional
+        What messages to the user call it, where that is not its path.
+
+    Raises
+    ------
+    InputError
+        It cannot be read at all.
+    """
+
+    kind = "ROS 2 bag (SQLite)"
+
+    def __init__(self, path: Path, name: Path | None = None) -> None:
+        self.path = path
+        self.name = name or path
+        self.notes: Sequence[str] = ()
+        self._found = Losses(self.name)
+        missing = self._missing_size()
+        fault = f"breaks off at byte {self._size:,}" if missing else ""
+        # SQLite would take what is missing of the last page for zeros.
+        self._damaged = missing > 0 and not self._has_log()
+        try:
+            definitions = self._read_tables()
+        except sqlite3.Error as error:
+            self._damaged = True
+            fault = fault or f"is damaged: {error}"
+            definitions = self._read_tables()
+        if self._damaged or self._missing_messages:
+            fault = fault or "holds rows that are no messages"
+            self._found.add(fault, messages=self._missing_messages, size=missing)
+        counts = Counter(self._rows.topics.tolist())
+        if unknown := sum(count for topic, count in counts.items() if topic not in definitions):
+            self._found.add(f"{unknown:,} messages belong to no topic it names", messages=unknown)
+        self._channels = united(definitions, counts)
+        self._last = self._found
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """What it holds, by topic, type and definition."""
+        return in_settled_order(self._channels.values())
+
+    @property
+    def time_span(self) -> tuple[int, int] | None:
+        """The first and the last log time in nanoseconds."""
+        times = self._rows.times
+        return (int(times[0]), int(times[-1])) if len(times) else None
+
+    @property
+    def losses(self) -> Sequence[str]:
+        """What opening it and the last pass could not read, in one line."""
+        return self._last.lines()
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """Read the messages of these topics, or of all, in the order of their log times.
+
+        Of equal times, the message that was recorded first comes first.
+        """
+        self._last = losses = self._found.copy()
+        wanted = {
+            number: channel
+            for number, channel in self._channels.items()
+            if topics is None or channel.topic in topics
+        }
+        chosen = self._rows.take(np.flatnonzero(np.isin(self._rows.topics, list(wanted))))
+        with self._tables() as tables:
+            data = tables.data(chosen)
+            topics_and_times = values(chosen.topics), values(chosen.times)
+            for stored, topic, time in zip(data, *topics_and_times, strict=True):
+                channel = wanted[topic]
+                content = plain(stored, channel.encoding) if isinstance(stored, bytes) else stored
+                if isinstance(content, DamagedError):
+                    losses.add(f"a message of {channel.topic} is damaged: {content}", messages=1)
+                else:
+                    yield Message(channel, time, content)
+
+    def _read_tables(self) -> dict[int, Channel]:
+        """Find the messages, in the order of their times; returns the channels."""
+        self._missing_messages = 0
+        with self._tables() as tables:
+            names = tables.names()
+            # Messages are salvaged without what leads to them.
+            if not {"topics", *(() if self._damaged else ("messages",))} <= names:
+                listed = ", ".join(sorted(names)[:10]) or "none that can be read"
+                raise InputError(
+                    f"{self.name}: is a SQLite database of the tables {listed}, expected topics "
+                    "and messages, as ROS 2 bags have"
+                )
+            channels, rows = tables.channels(), tables.messages()
+            self._missing_messages = tables.missing
+        self._rows: MessageRows = rows.take(np.argsort(rows.times, kind="stable"))
+        return channels
+
+    def _missing_size(self) -> int:
+        """Return how many bytes the file is shorter than its header says.
+
+        That holds the size of a page (1 is 65536), the number of pages, and twice a count of the
+        changes: where these differ, the last writer did not count pages
+        (https://www.sqlite.org/fileformat.html).
+        """
+        try:
+            with self.path.open("rb") as file:
+                head = file.read(_HEADER_SIZE)
+                self._size = file.seek(0, 2)
+        except OSError as error:
+            raise InputError(f"{self.name}: cannot be read: {error.strerror or error}") from error
+        if not head.startswith(MAGIC) or len(head) < _HEADER_SIZE:
+            found = f"holds {len(head)} bytes, beginning with {head[:16]!r}" if head else "is empty"
+            raise InputError(f"{self.name}: {found}, expected a SQLite database")
+        page = int.from_bytes(head[16:18], "big")
+        pages = int.from_bytes(head[28:32], "big") if head[24:28] == head[92:96] else 0
+        return max((65536 if page == 1 else page) * pages - self._size, 0)
+
+    @contextmanager
+    def _tables(self) -> Iterator[Tables]:
+        """Open the tables for reading.
+
+        What a recorder that broke off left in a log beside the file belongs to it. SQLite brings
+        it in by writing, so a copy is made for that in a temporary folder.
+        """
+        if self._damaged:
+            try:
+                with self.path.open("rb") as file:
+                    yield Salvage(Pages(file))
+            except (DamagedError, OSError) as error:
+                raise InputError(f"{self.name}: cannot be read: {error}") from error
+            return
+        with tempfile.TemporaryDirectory(prefix="mls-") as folder:
+            path, mode = self.path, "mode=ro&immutable=1"
+            if self._has_log():
+                path, mode = Path(folder) / "bag.db3", "mode=rw"
+                self._copy_with_logs(path)
+            try:
+                connection = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)
+            except sqlite3.Error as error:
+                raise InputError(f"{self.name}: cannot be opened: {error}") from error
+            try:
+                yield Database(connection)
+            finally:
+                connection.close()
+
+    def _copy_with_logs(self, target: Path) -> None:
+        try:
+            for ending in ("", *_LOGS):
+                if (source := _beside(self.path, ending)).exists():
+                    shutil.copyfile(source, _beside(target, ending))
+        except OSError as error:
+            raise InputError(
+                f"{self.name}: cannot be copied to {target.parent}, to bring in the log beside it: "
+                f"{error.strerror or error}"
+            ) from error
+
+    def _has_log(self) -> bool:
+        logs = (_beside(self.path, ending) for ending in _LOGS)
+        return any(log.is_file() and log.stat().st_size for log in logs)
+
+
+def _beside(path: Path, ending: str) -> Path:
+    return path.with_name(path.name + ending)

@@ -1,0 +1,1 @@
+"""Messages: from bytes to points, poses and transforms."""

@@ -1,0 +1,119 @@
+"""The recorded definition of a ROS message, as the types that rosbags works with.
+
+A definition is input like any other: one that is damaged, or made to harm, is refused before
+code is generated from it or memory is taken for what it describes.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc, Typesdict
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from mlscli.io.containers.container import Channel
+
+# How the module struct calls the values that messages are made of, beside strings.
+PRIMITIVES = {
+    "bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
+    "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+}  # fmt: skip
+
+# A type without fields has this one in ROS 2, as a structure of C has one at least.
+FILLER = "structure_needs_at_least_one_member"
+
+# Definitions of several files stand between lines of 80 equals signs.
+_SEPARATOR = "=" * 80 + "\n"
+
+# The fixed part of the largest message that holds points or poses has some 700 bytes.
+_LARGEST_FIXED_PART = 2**16
+
+# ROS 1 has these in packages that the types of its distribution lack.
+_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
+_BESIDE_ROS1 = {"tf2_msgs/msg/TFMessage": _TRANSFORMS, "tf/msg/tfMessage": _TRANSFORMS}
+
+
+def typestore_of(channel: Channel) -> Typestore:
+    """Return the types of a channel's schema, or of the distribution where it has none.
+
+    Raises
+    ------
+    Exception
+        The definition cannot be read, lacks a type, or describes what no message can be. The
+        library that parses it fails in ways of its own.
+    """
+    if channel.schema.strip():
+        store = get_typestore(Stores.EMPTY)
+        store.register(_parsed(channel))
+    elif channel.encoding == "ros1":
+        store = get_typestore(Stores.ROS1_NOETIC)
+        for type_, text in _BESIDE_ROS1.items():
+            store.register(get_types_from_msg(text, type_))
+    else:
+        store = get_typestore(Stores.LATEST)
+    smallest_size(channel.type, store.fielddefs)
+    return store
+
+
+def smallest_size(type_: str, definitions: Typesdict) -> int:
+    """Return how many bytes a message of this type takes at least, gaps not counted.
+
+    Raises
+    ------
+    ValueError
+        A type is not defined, contains itself, or has a fixed part beyond all measure; or the
+        elements of a sequence may take no bytes, so that nothing bounds their number.
+    """
+    # A type stands at None while its fields are looked at.
+    sizes: dict[str, int | None] = {}
+
+    def of_type(name: str) -> int:
+        if name not in sizes:
+            if name not in definitions:
+                raise ValueError(f"it lacks the definition of {name[:100]}")
+            sizes[name] = None
+            fields = definitions[name][1]
+            sizes[name] = sum(of_field(desc) for field, desc in fields if field != FILLER)
+        size = sizes[name]
+        if size is None:
+            raise ValueError(f"{name[:100]} contains itself")
+        if size > _LARGEST_FIXED_PART:
+            raise ValueError(f"{name[:100]} takes {size} bytes or more, which no message does")
+        return size
+
+    def of_field(desc: FieldDesc) -> int:
+        if desc[0] == Nodetype.NAME:
+            return of_type(desc[1])
+        if desc[0] == Nodetype.BASE:
+            name = desc[1][0]
+            if name != "string" and name not in PRIMITIVES:
+                raise ValueError(f"it has a field of type {name}, which cannot be read")
+            # A string takes at least the four bytes of its length.
+            return 4 if name == "string" else struct.calcsize(PRIMITIVES[name])
+        element, count = desc[1]
+        size = of_field(element)
+        if size == 0:
+            raise ValueError("it has a sequence of elements that take no bytes")
+        return count * size if desc[0] == Nodetype.ARRAY else 4
+
+    return of_type(type_)
+
+
+def _parsed(channel: Channel) -> Typesdict:
+    text = channel.schema.decode(errors="replace").replace("\r\n", "\n")
+    if channel.schema_encoding in ("ros1msg", "ros2msg"):
+        return get_types_from_msg(text, channel.type)
+    if channel.schema_encoding != "ros2idl":
+        raise ValueError(
+            f"it is written in {channel.schema_encoding[:50]!r}, expected ros1msg, ros2msg or "
+            "ros2idl"
+        )
+    types: Typesdict = {}
+    for part in text.split(_SEPARATOR):
+        # Where there are several, a line with its name heads each.
+        idl = part.partition("\n")[2] if part.startswith("IDL: ") else part
+        if idl.strip():
+            types |= get_types_from_idl(idl)
+    return types

@@ -1,0 +1,65 @@
+"""Foxglove's clouds and scans, alike in protobuf, in json and as messages of ROS.
+
+References
+----------
+Foxglove's message schemas: PointCloud, PackedElementField, NumericType, LaserScan. In json
+bytes are in base64; numbers in them are little-endian.
+"""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+
+from mlscli.io.messages.laserscan import polar
+from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, placed
+from mlscli.io.messages.pointcloud2 import Field, Packed
+from mlscli.typing import Array, Float64
+
+# foxglove.NumericType: what its numbers stand for.
+_DATATYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8"}
+
+
+def decode_foxglove_pointcloud(message: Any) -> list[Part]:
+    """Read a ``foxglove.PointCloud``.
+
+    Raises
+    ------
+    MalformedCloudError
+        A coordinate is missing, a field leaves its point, or the data is no whole number of
+        points.
+    """
+    data = _bytes(message.data)
+    stride = int(message.point_stride)
+    points, keyframes = np.empty((0, 3)), None
+    if len(data):
+        if stride <= 0 or len(data) % stride:
+            raise MalformedCloudError(
+                f"{len(data)} bytes of data, expected a multiple of point_stride {stride}"
+            )
+        fields = {f.name: Field(int(f.offset), int(f.type)) for f in message.fields}
+        shape, strides = (1, len(data) // stride), (len(data), stride)
+        points, keyframes = Packed(data, shape, strides, fields, _DATATYPES, "<").unpack()
+    return [_part(message, points, keyframes)]
+
+
+def decode_foxglove_laserscan(message: Any) -> list[Part]:
+    """Read a ``foxglove.LaserScan``: its beams are spread evenly from first to last angle."""
+    ranges = np.asarray(message.ranges, dtype=np.float64)
+    angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
+    return [_part(message, polar(ranges, angles), None)]
+
+
+def _part(message: Any, points: Float64, keyframes: Array | None) -> Part:
+    pose = getattr(message, "pose", None)
+    if pose is not None:
+        points = placed(points, pose)
+    return part_of(points, message.frame_id, message.timestamp, keyframes)
+
+
+def _bytes(data: Any) -> Array:
+    if isinstance(data, str):
+        data = base64.b64decode(data, validate=True)
+    return np.frombuffer(data, dtype=np.uint8)

@@ -1,0 +1,159 @@
+"""Messages that tell where something is: from a deserialised message to arrays.
+
+References
+----------
+geometry_msgs, nav_msgs/Odometry and Path, tf2_msgs/TFMessage, and Foxglove's PoseInFrame and
+FrameTransform: each gives the pose of the child frame in the parent frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import wraps
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from mlscli.io.messages.parts import checked, seconds
+from mlscli.typing import Float64
+
+# Parent frame, child frame, time, position, orientation.
+_Row: TypeAlias = tuple[str, str, Any, Any, Any]
+
+
+class StampedPoses(NamedTuple):
+    """T_parent_child at some times, in the order of the message.
+
+    Attributes
+    ----------
+    stamps : float64 (N,)
+        Seconds.
+    translations : float64 (N, 3)
+    quaternions : float64 (N, 4)
+        x, y, z, w, of length 1.
+    parent, child : str
+        Frames, without a leading slash; the child is empty where the message names none.
+    refused : int
+        StampedPoses that were left out: not finite, or with a quaternion without length.
+    """
+
+    stamps: Float64
+    translations: Float64
+    quaternions: Float64
+    parent: str
+    child: str
+    refused: int = 0
+
+
+def frame_name(frame_id: str) -> str:
+    """Return the name of a frame as tf2 has it; the first tf began names with a slash."""
+    return frame_id.lstrip("/")
+
+
+def _odometry(message: Any) -> Iterator[_Row]:
+    header, pose = message.header, message.pose.pose
+    yield header.frame_id, message.child_frame_id, header.stamp, pose.position, pose.orientation
+
+
+def _pose_stamped(message: Any) -> Iterator[_Row]:
+    header, pose = message.header, message.pose
+    yield header.frame_id, "", header.stamp, pose.position, pose.orientation
+
+
+def _pose_with_covariance_stamped(message: Any) -> Iterator[_Row]:
+    header, pose = message.header, message.pose.pose
+    yield header.frame_id, "", header.stamp, pose.position, pose.orientation
+
+
+def _path(message: Any) -> Iterator[_Row]:
+    for each in message.poses:
+        # StampedPoses that name no frame are in the path's.
+        parent = each.header.frame_id or message.header.frame_id
+        yield parent, "", each.header.stamp, each.pose.position, each.pose.orientation
+
+
+def _transform_stamped(message: Any) -> Iterator[_Row]:
+    header, transform = message.header, message.transform
+    yield (
+        header.frame_id, message.child_frame_id, header.stamp, transform.translation,
+        transform.rotation,
+    )  # fmt: skip
+
+
+def _tf_message(message: Any) -> Iterator[_Row]:
+    for each in message.transforms:
+        yield from _transform_stamped(each)
+
+
+def _pose_in_frame(message: Any) -> Iterator[_Row]:
+    pose = message.pose
+    yield message.frame_id, "", message.timestamp, pose.position, pose.orientation
+
+
+def _frame_transform(message: Any) -> Iterator[_Row]:
+    yield (
+        message.parent_frame_id, message.child_frame_id, message.timestamp, message.translation,
+        message.rotation,
+    )  # fmt: skip
+
+
+def _frame_transforms(message: Any) -> Iterator[_Row]:
+    for each in message.transforms:
+        yield from _frame_transform(each)
+
+
+def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[StampedPoses]]:
+    """Let a decoder return arrays, for each pair of frames in order of first appearance."""
+
+    @wraps(rows)
+    def decode(message: Any) -> list[StampedPoses]:
+        tables: dict[tuple[str, str], list[tuple[float, ...]]] = {}
+        for parent, child, time, at, turn in rows(message):
+            tables.setdefault((frame_name(parent), frame_name(child)), []).append(
+                (seconds(time), at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
+            )
+        return [_poses(table, *frames) for frames, table in tables.items()]
+
+    return decode
+
+
+def _poses(rows: list[tuple[float, ...]], parent: str, child: str) -> StampedPoses:
+    table = np.array(rows, dtype=np.float64)
+    lengths = np.sqrt(np.square(table[:, 4:]).sum(axis=1))
+    good = np.isfinite(table).all(axis=1) & np.isfinite(lengths) & (lengths > 0)
+    table, lengths = table[good], lengths[good]
+    refused = int(np.count_nonzero(~good))
+    return StampedPoses(
+        table[:, 0], table[:, 1:4], table[:, 4:] / lengths[:, None], parent, child, refused
+    )
+
+
+POSE_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
+    type_: checked(type_, _gathered(rows))
+    for type_, rows in {
+        "nav_msgs/msg/Odometry": _odometry,
+        "geometry_msgs/msg/PoseStamped": _pose_stamped,
+        "geometry_msgs/msg/PoseWithCovarianceStamped": _pose_with_covariance_stamped,
+        "geometry_msgs/msg/TransformStamped": _transform_stamped,
+        "nav_msgs/msg/Path": _path,
+        "foxglove.PoseInFrame": _pose_in_frame,
+        "foxglove_msgs/msg/PoseInFrame": _pose_in_frame,
+    }.items()
+}
+"""The message types that tell where the craft is, and how each is decoded."""
+
+TRANSFORM_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
+    type_: checked(type_, _gathered(rows))
+    for type_, rows in {
+        "tf2_msgs/msg/TFMessage": _tf_message,
+        "tf/msg/tfMessage": _tf_message,
+        "foxglove.FrameTransform": _frame_transform,
+        "foxglove.FrameTransforms": _frame_transforms,
+        "foxglove_msgs/msg/FrameTransform": _frame_transform,
+        "foxglove_msgs/msg/FrameTransforms": _frame_transforms,
+    }.items()
+}
+"""The message types that relate frames, and how each is decoded.
+
+Decoders of both raise `MalformedCloudError` where a message lacks what its type has.
+"""

@@ -1,0 +1,123 @@
+"""Definitions of messages, as recorded and as they should not be.
+
+How these tests could be cheated: by refusing whatever is unusual. So beside each definition
+that is refused there is one much like it that is read.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from mlscli.io.containers.container import Channel
+from mlscli.io.messages.definitions import smallest_size, typestore_of
+from tests.ros import STORES
+
+SEPARATOR = "=" * 80 + "\n"
+
+
+def channel(text: str, schema_encoding: str = "ros2msg", encoding: str = "cdr") -> Channel:
+    return Channel("/topic", "a_msgs/msg/A", encoding, text.encode(), schema_encoding, None)
+
+
+@pytest.mark.parametrize(
+    ("type_", "size"),
+    [
+        # Numbers of a twist and its covariances, 13 + 72 of eight bytes, the time and two strings.
+        ("nav_msgs/msg/Odometry", 8 * (13 + 72) + 8 + 2 * 4),
+        ("geometry_msgs/msg/Point32", 12),
+        # Header, height, width, fields, order, steps, data, density.
+        ("sensor_msgs/msg/PointCloud2", 12 + 8 + 4 + 1 + 8 + 4 + 1),
+        ("tf2_msgs/msg/TFMessage", 4),
+    ],
+)
+def test_the_smallest_message_has_empty_sequences_and_strings(type_: str, size: int) -> None:
+    assert smallest_size(type_, STORES["cdr"].fielddefs) == size
+
+
+@pytest.mark.parametrize("encoding", ["ros1", "cdr"])
+def test_without_a_schema_the_types_of_the_distribution_serve(encoding: str) -> None:
+    for type_ in ("sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage"):
+        fields = typestore_of(Channel("/t", type_, encoding, b"", "", None)).fielddefs[type_][1]
+        assert fields == STORES[encoding].fielddefs[type_][1]
+    headers = typestore_of(Channel("/t", "std_msgs/msg/Header", encoding, b"", "", None)).fielddefs[
+        "std_msgs/msg/Header"
+    ][1]
+    assert headers[0][0] == ("seq" if encoding == "ros1" else "stamp")
+
+
+def test_definitions_in_idl_are_read_whether_one_or_several() -> None:
+    point = "module a_msgs { module msg { struct P { double x; double y; }; }; };\n"
+    whole = "module a_msgs { module msg { struct A { sequence<a_msgs::msg::P> points; }; }; };\n"
+    several = f"{SEPARATOR}IDL: a_msgs/msg/A\n{whole}{SEPARATOR}IDL: a_msgs/msg/P\n{point}"
+
+    store = typestore_of(channel(several, "ros2idl"))
+
+    assert [name for name, _ in store.fielddefs["a_msgs/msg/P"][1]] == ["x", "y"]
+    alone = "module a_msgs { module msg { struct A { double x; }; }; };\n"
+    assert smallest_size("a_msgs/msg/A", typestore_of(channel(alone, "ros2idl")).fielddefs) == 8
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "words"),
+    [
+        ("B b\n===\nMSG: a_msgs/B\nuint8 x", "B b", "lacks the definition of a_msgs/msg/B"),
+        ("B b\n===\nMSG: a_msgs/B\nuint8 x", "B b\n===\nMSG: a_msgs/B\nA a", "contains itself"),
+        ("A2[] a\n===\nMSG: a_msgs/A2\nuint8 x", "A[] a", "contains itself"),
+        ("B[] b\n===\nMSG: a_msgs/B\nuint8 x", "B[] b\n===\nMSG: a_msgs/B\n", "take no bytes"),
+        ("float64[36] x", "float64[1000000000] x", "takes 8000000000 bytes"),
+        ("string[9] x", "string[1000000000] x", "takes 4000000000 bytes"),
+        (
+            "B[3] b\n===\nMSG: a_msgs/B\nuint8 x",
+            "B[99999999] b\n===\nMSG: a_msgs/B\nuint8 x",
+            "takes 99999999 bytes",
+        ),
+        ("string x", "wstring x", "lacks the definition of a_msgs/msg/wstring"),
+        ("uint8 x", "uint8 \x00", "parse"),
+        ("uint8 x", "uint8", "parse"),
+    ],
+)
+def test_a_definition_of_what_no_message_can_be_is_refused(good: str, bad: str, words: str) -> None:
+    good, bad = (text.replace("===\n", SEPARATOR) + "\n" for text in (good, bad))
+
+    assert smallest_size("a_msgs/msg/A", typestore_of(channel(good)).fielddefs)
+    with pytest.raises(Exception, match=f"(?s){words}"):
+        typestore_of(channel(bad))
+
+
+def test_definitions_that_double_and_double_are_refused_at_once() -> None:
+    texts = [f"T{n + 1} a\nT{n + 1} b\n" for n in range(60)] + ["uint8 x\n"]
+    parts = [f"{SEPARATOR}MSG: a_msgs/T{n}\n{text}" for n, text in enumerate(texts)]
+
+    with pytest.raises(ValueError, match="takes 131072 bytes or more"):
+        typestore_of(channel("T0 t\n" + "".join(parts)))
+
+
+def test_strings_of_wide_characters_are_named() -> None:
+    idl = "module a_msgs { module msg { struct A { wstring x; }; }; };\n"
+
+    with pytest.raises(ValueError, match="a field of type wstring, which cannot be read"):
+        typestore_of(channel(idl, "ros2idl"))
+    typestore_of(channel(idl.replace("wstring", "string"), "ros2idl"))
+
+
+@pytest.mark.parametrize("schema_encoding", ["jsonschema", "protobuf", "ros3"])
+def test_a_schema_of_another_kind_is_named(schema_encoding: str) -> None:
+    with pytest.raises(ValueError, match=f"written in '{schema_encoding}', expected ros1msg"):
+        typestore_of(channel("uint8 x\n", schema_encoding))
+
+
+def test_definitions_with_line_ends_of_windows_are_read() -> None:
+    text = f"B b\n{SEPARATOR}MSG: a_msgs/B\nuint8 x\n".replace("\n", "\r\n")
+
+    assert typestore_of(channel(text)).fielddefs["a_msgs/msg/B"][1]
+
+
+def test_channels_do_not_change_the_types_of_others() -> None:
+    before: Any = get_typestore(Stores.LATEST).fielddefs["sensor_msgs/msg/PointCloud2"]
+    point_cloud = Channel("/t", "sensor_msgs/msg/PointCloud2", "cdr", b"uint8 x\n", "ros2msg", None)
+
+    assert typestore_of(point_cloud).fielddefs["sensor_msgs/msg/PointCloud2"] != before
+    assert get_typestore(Stores.LATEST).fielddefs["sensor_msgs/msg/PointCloud2"] == before
