@@ -70,7 +70,6 @@ class Picture(NamedTuple):
 
     vertices: dict[str, Vertices]
     layers: list[Layer]
-    appearing: Int32
 
 
 def picture(
@@ -97,7 +96,7 @@ def picture(
     if points is not None:
         vertices["points"], cloud = _points(surface, points)
         layers.append(cloud)
-    return Picture(vertices, layers, when)
+    return Picture(vertices, layers)
 
 
 def faces(mesh: Mesh) -> dict[str, Int32]:

@@ -134,7 +134,6 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
     patches |= {
         name: pieces.add(getattr(surface, name)) for name in ("height", "depth", "origin", "count")
     }
-    patches["appears"] = pieces.add_differences(shown.appearing)
     times = surface.route[:, 0]
     known = np.isfinite(times)
     header = {

@@ -162,7 +162,8 @@ def patch_by_patch() -> SurfaceMap:
     """Return a map of which every keyframe saw one patch more."""
     surface = a_map(*plane(15, 14))
     first = np.random.default_rng(1).permutation(surface.size).astype(np.int32)
-    route = np.column_stack((np.arange(surface.size, dtype=float), np.zeros((surface.size, 3))))
+    route = np.zeros((surface.size, 4))
+    route[:, 0] = np.arange(surface.size)
     return replace(surface, first_keyframe=first, last_keyframe=first, route=route)
 
 

@@ -108,17 +108,23 @@ def test_a_route_that_comes_back_is_there_when_it_came_back() -> None:
     assert arrived == {1: 1.5, 2: 0.5, 3: 2.5}
 
 
-def test_points_appear_with_their_cell_and_are_thinned_where_there_are_too_many() -> None:
+def test_patches_appear_when_first_seen_and_points_with_their_cell() -> None:
     surface = a_map(*plane(3, 1))
     first = np.array([2, 0, 1], dtype=np.int32)
     surface = replace(surface, first_keyframe=first, last_keyframe=first)
     points = np.array([[0.5, 0.5, 0], [1.5, 0.5, 9], [2.5, 0.5, 0], [7.5, 0.5, 0]])
+    patches = layers_of(picture(surface))["patches"]
+    assert (patches.elements[:, 0].tolist(), patches.when.tolist()) == ([1, 2, 0], [0, 1, 2])
     layer = layers_of(picture(surface, points))["points"]
     assert dict(zip(layer.elements[:, 0].tolist(), layer.when.tolist(), strict=True)) == {
         0: 2, 1: 0, 2: 1, 3: 0,
     }  # fmt: skip
-    many = layers_of(picture(surface, np.zeros((2 * MOST_POINTS + 1, 3))))["points"]
-    assert MOST_POINTS / 2 < len(many.elements) <= MOST_POINTS
+
+
+def test_points_are_thinned_where_there_are_too_many() -> None:
+    many = np.zeros((2 * MOST_POINTS + 1, 3))
+    layer = layers_of(picture(a_map(*plane(3, 1)), many))["points"]
+    assert MOST_POINTS / 2 < len(layer.elements) <= MOST_POINTS
 
 
 def test_an_empty_map_shows_nothing() -> None:

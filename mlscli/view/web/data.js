@@ -38,8 +38,8 @@ function upTo(numbers, limit) {
 }
 
 // The patch at a place (x, y, z in the map frame): of its cell the nearest, or -1.
-function patchAt(map, x, y, z, latest) {
-  const { ix, iy, height, depth, appears } = map.patches;
+function patchAt(map, x, y, z) {
+  const { ix, iy, height, depth } = map.patches;
   const cellX = Math.floor(x / map.cell_size), cellY = Math.floor(y / map.cell_size);
   const before = (i) => ix[i] < cellX || (ix[i] === cellX && iy[i] < cellY);
   let low = 0, high = ix.length;
@@ -51,7 +51,7 @@ function patchAt(map, x, y, z, latest) {
   let nearest = -1, least = Infinity;
   for (let i = low; i < ix.length && ix[i] === cellX && iy[i] === cellY; i++) {
     const distance = Math.max(z - height[i], height[i] - depth[i] - z, 0);
-    if (appears[i] <= latest && distance < least) [nearest, least] = [i, distance];
+    if (distance < least) [nearest, least] = [i, distance];
   }
   return nearest;
 }

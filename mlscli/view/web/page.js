@@ -42,7 +42,7 @@ async function main() {
     if (!hit) return "";
     const [x, y, z] = add(hit, map.origin);
     const at = `x ${number(x)}  y ${number(y)}  z ${number(z)}`;
-    const i = patchAt(map, x, y, z, state.latest);
+    const i = patchAt(map, x, y, z);
     if (i < 0) return at;
     const { height, depth, origin, count, first_keyframe, last_keyframe } = map.patches;
     const parts = [`${map.origins[origin[i]]} patch: height ${number(height[i])}`];
