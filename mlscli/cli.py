@@ -31,7 +31,10 @@ COMMANDS = {
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
     "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth."),
     "synth": ("mlscli.commands.synth", "Make a synthetic flight, and its exact truth."),
-    "bench": ("mlscli.commands.bench", "Measure what the stages are worth."),
+    "bench": (
+        "mlscli.commands.bench",
+        "Measure what the stages are worth, or how fast batches are.",
+    ),
     "config": ("mlscli.commands.config", "Write, show and check parameters."),
 }
 

@@ -1,13 +1,18 @@
-"""`mls bench`: what the stages are worth."""
+"""`mls bench`: what the stages are worth, and how long a batch takes."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from mlscli.commands.options import as_json, configured, overwrite, say
 from mlscli.commands.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from mlscli.config import Parameters
 
 
 @click.command()
@@ -26,6 +31,15 @@ from mlscli.commands.progress import ProgressBar
 @click.option(
     "--seeds", default="1", metavar="LIST", help="Seeds, over which the mean is taken (default: 1)."
 )
+@click.option(
+    "--sizes",
+    metavar="SIZES",
+    help="Time batches of so many points: A..B, A..B:STEP or a list; 20..400 are the thesis's.",
+)
+@click.option("--plot", metavar="FILE", help="Draw the times of --sizes (needs matplotlib).")
+@click.option(
+    "--compare", metavar="OLD.json", help="Put the times of an earlier --sizes --json beside."
+)
 @click.option("-o", "--output", metavar="FILE", help="Write the report to a file.")
 @configured
 @overwrite
@@ -35,43 +49,91 @@ def command(
     scenes: str | None,
     outliers: str,
     seeds: str,
+    sizes: str | None,
+    plot: str | None,
+    compare: str | None,
     output: str | None,
     config: str | None,
     settings: tuple[str, ...],
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Measure what each stage of the pipeline is worth.
+    """Measure what each stage of the pipeline is worth, or how long a batch takes.
 
     With --quality, every synthetic scene is flown with more and more outliers and mapped with one
     stage more at a time; the maps are scored against the truth. The report is a table in
     Markdown, or JSON with --json. Seeds make it repeatable.
+
+    With --sizes, a flight is cut into batches of each size, which go through the whole pipeline
+    into a growing map. The program is warm; what the first batch cost more is said.
     """
     from mlscli.config import load
     from mlscli.errors import UsageError
     from mlscli.io.atomic import atomic_write, refuse_existing
 
-    if not quality:
-        raise UsageError("mls bench: say what to measure: --quality")
-    shares, numbers = _numbers("--outliers", outliers), _numbers("--seeds", seeds)
-    if any(number != int(number) for number in numbers):
-        raise UsageError(f"--seeds {seeds}: expected whole numbers")
+    if quality == (sizes is not None):
+        raise UsageError("mls bench: say what to measure: --quality or --sizes 20..400")
+    if quality and (plot or compare):
+        raise UsageError("--plot and --compare go with --sizes")
     parameters = load(config, settings)
-    if output is not None:
-        refuse_existing(output, overwrite=overwrite)
-
-    from mlscli import quality as measured
-
-    names = scenes.split(",") if scenes else measured.SCENES
-    with ProgressBar() as progress:
-        rows = measured.table(names, shares, list(map(int, numbers)), parameters, progress)
-    report = json.dumps(measured.to_dict(rows), indent=2) if as_json else measured.to_markdown(rows)
+    for target in (output, plot):
+        if target is not None:
+            refuse_existing(target, overwrite=overwrite)
+    if sizes is None:
+        report = _quality(scenes, outliers, seeds, parameters, as_json)
+    else:
+        report = _pace(sizes, plot, compare, parameters, overwrite, as_json)
     if output is None:
         click.echo(report.rstrip())
         return
     with atomic_write(output, overwrite=overwrite) as stream:
         stream.write(f"{report.rstrip()}\n".encode())
-    say(f"mls: {output}: {len(rows)} rows")
+    say(f"mls: {output}: {len(report.splitlines())} lines")
+
+
+def _quality(
+    scenes: str | None, outliers: str, seeds: str, parameters: Parameters, as_json: bool
+) -> str:
+    from mlscli import quality
+    from mlscli.errors import UsageError
+
+    shares, numbers = _numbers("--outliers", outliers), _numbers("--seeds", seeds)
+    if any(number != int(number) for number in numbers):
+        raise UsageError(f"--seeds {seeds}: expected whole numbers")
+    names = scenes.split(",") if scenes else quality.SCENES
+    with ProgressBar() as progress:
+        rows = quality.table(names, shares, list(map(int, numbers)), parameters, progress)
+    return json.dumps(quality.to_dict(rows), indent=2) if as_json else quality.to_markdown(rows)
+
+
+def _pace(
+    sizes: str,
+    plot: str | None,
+    compare: str | None,
+    parameters: Parameters,
+    overwrite: bool,
+    as_json: bool,
+) -> str:
+    from mlscli import pace
+    from mlscli.errors import InputError
+    from mlscli.io.atomic import atomic_write
+
+    numbers = pace.parse_sizes(sizes)
+    kind = pace.picture_kind(plot) if plot is not None else ""
+    before = None
+    if compare is not None:
+        try:
+            before = pace.seconds_of(json.loads(Path(compare).read_bytes()), compare)
+        except ValueError:
+            raise InputError(f"{compare}: is no JSON; expected that of --sizes --json") from None
+    with ProgressBar() as progress:
+        found = pace.measured(numbers, parameters, progress)
+    if plot is not None:
+        with atomic_write(plot, overwrite=overwrite) as stream:
+            pace.draw(found, stream, kind)
+    if as_json:
+        return json.dumps(pace.to_dict(found), indent=2)
+    return pace.to_markdown(found, before)
 
 
 def _numbers(option: str, text: str) -> list[float]:

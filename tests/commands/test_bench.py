@@ -1,12 +1,14 @@
-"""`mls bench --quality`, as a user runs it."""
+"""`mls bench`, as a user runs it."""
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
+from mlscli.pace import parse_sizes
 from tests.program import mls
 
 QUICK = ("--scenes", "planes", "--outliers", "0.1")
@@ -29,10 +31,42 @@ def test_the_report_is_written_to_a_file_once(tmp_path: Path) -> None:
     assert (tmp_path / "quality.md").read_text().startswith("## planes")
 
 
+def test_batches_are_timed_compared_and_drawn(tmp_path: Path) -> None:
+    done = mls("bench", "--sizes", "40,400", "--json", "-o", "old.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    old = json.loads((tmp_path / "old.json").read_text())
+    assert [(row["size"], row["batches"], row["thesis"]) for row in old["rows"]] == [
+        (40, 80, 0.02),
+        (400, 8, 2.06),
+    ]
+    # Two sizes lie on the line through them.
+    one, other = (row["seconds"] for row in old["rows"])
+    assert old["exponent"] == pytest.approx(math.log10(other / one))
+    again = mls(
+        *("bench", "--sizes", "40..60:10", "--compare", "old.json", "--plot", "times.png"),
+        cwd=tmp_path,
+    )
+    assert again.returncode == 0, again.stderr
+    rows = [line.split("|") for line in again.stdout.splitlines() if line.startswith("| ")][1:]
+    assert [row[1].strip() for row in rows] == ["40", "50", "60"]
+    assert [row[6].strip() for row in rows] == [f"{1e3 * one:.2f}", "", ""]
+    assert (tmp_path / "times.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_sizes_of_the_thesis_are_those_of_its_figure() -> None:
+    assert parse_sizes("20..400") == [*range(20, 201, 20), *range(240, 401, 40)]
+    assert parse_sizes("20..400:40") == list(range(20, 401, 40))
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         ([], "--quality"),
+        (["--quality", "--sizes", "20"], "--quality or"),
+        (["--quality", "--plot", "times.png"], "--sizes"),
+        (["--sizes", "20.."], "A..B"),
+        (["--sizes", "0..40"], "A..B"),
+        (["--sizes", "40", "--plot", "times.docx"], "png"),
         (["--quality", "--scenes", "brigde"], "bridge"),
         (["--quality", "--outliers", "many"], "--outliers"),
         (["--quality", "--outliers", "2"], "salt-pepper"),

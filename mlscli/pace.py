@@ -1,0 +1,218 @@
+"""How long a batch takes by its size: the thesis's figure 6.8, measured anew.
+
+The points of a synthetic flight, in the order in which they were seen, are cut into batches of one
+size, and each is taken into a growing map through the whole pipeline. The thesis timed the cloud
+of its own flight, some 3,100 points, on a laptop of 2005.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import mean
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from mlscli.config import Parameters
+from mlscli.errors import InputError, UsageError
+from mlscli.pipeline.builder import MapBuilder
+from mlscli.quality import CELL_SIZE, flown
+from mlscli.typing import Float64
+
+# Seconds a batch by its points, read off the figure.
+THESIS: Mapping[int, float] = {
+    20: 0.01, 40: 0.02, 60: 0.03, 80: 0.06, 100: 0.07, 120: 0.11, 140: 0.15, 160: 0.17, 180: 0.21,
+    200: 0.24, 240: 0.43, 280: 0.61, 320: 1.37, 360: 1.63, 400: 2.06,
+}  # fmt: skip
+
+SCENE, OUTLIERS, POINTS = "house", 0.1, 3200
+
+
+@dataclass(frozen=True)
+class Row:
+    """How long batches of one size take.
+
+    Attributes
+    ----------
+    size : int
+        Points in a batch.
+    batches : int
+        How many were timed.
+    seconds : float
+        Wall time of a batch on the average.
+    thesis : float or None
+        The thesis's time (s) for this size.
+    """
+
+    size: int
+    batches: int
+    seconds: float
+    thesis: float | None
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How long batches take.
+
+    Attributes
+    ----------
+    rows : list of Row
+    first_call : float
+        What the first batch of all cost (s) beyond a later one like it: the kernels are loaded, or
+        compiled where no cache holds them.
+    exponent : float or None
+        The time of a batch grows with this power of its size; None with fewer than two sizes.
+    """
+
+    rows: list[Row]
+    first_call: float
+    exponent: float | None
+
+
+def parse_sizes(text: str) -> list[int]:
+    """Return the sizes that ``A..B[:STEP]`` or a list names; ``20..400`` are the thesis's.
+
+    Raises
+    ------
+    UsageError
+        Where it is neither, or a size is below 1.
+    """
+    if text == "20..400":
+        return list(THESIS)
+    try:
+        if ".." in text:
+            ends, _, step = text.partition(":")
+            least, greatest = map(int, ends.split(".."))
+            sizes = list(range(least, greatest + 1, int(step or 20)))
+        else:
+            sizes = [int(part) for part in text.split(",")]
+    except ValueError:
+        sizes = []
+    if not sizes or min(sizes) < 1:
+        raise UsageError(
+            f"--sizes {text}: expected A..B, A..B:STEP or a list such as 20,52,400, of numbers "
+            "from 1 up"
+        )
+    return sizes
+
+
+def measured(
+    sizes: Sequence[int],
+    parameters: Parameters,
+    progress: Callable[[str, int, int | None], None] | None = None,
+) -> Pace:
+    """Time batches of each size, the program warm."""
+    if parameters.map.cell_size == "auto":
+        parameters = parameters.with_cell_size(CELL_SIZE)
+    keyframes = flown(SCENE, OUTLIERS, seed=1).keyframes
+    points = np.concatenate([keyframe.points for keyframe in keyframes])
+    points = points[: max(POINTS, 2 * max(sizes))]
+    first, later = (_times(points, sizes[0], parameters)[0] for _ in range(2))
+    rows = []
+    for number, size in enumerate(sizes):
+        if progress is not None:
+            progress("batches", number, len(sizes))
+        times = _times(points, size, parameters)
+        rows.append(Row(size, len(times), mean(times), THESIS.get(size)))
+    return Pace(rows, max(0.0, first - later), _exponent(rows))
+
+
+def _times(points: Float64, size: int, parameters: Parameters) -> list[float]:
+    """Return how long each batch takes; what is left over at the end is none."""
+    builder = MapBuilder(parameters)
+    times = []
+    for begin in range(0, max(1, len(points) - size + 1), size):
+        before = time.perf_counter()
+        builder.process_cloud(points[begin : begin + size])
+        times.append(time.perf_counter() - before)
+    return times
+
+
+def _exponent(rows: Sequence[Row]) -> float | None:
+    if len({row.size for row in rows}) < 2:
+        return None
+    sizes, seconds = (np.log([getattr(row, name) for row in rows]) for name in ("size", "seconds"))
+    return float(np.polyfit(sizes, seconds, 1)[0])
+
+
+# --- reports ---
+
+
+def to_dict(pace: Pace) -> dict[str, Any]:
+    """Return what was measured, ready for JSON."""
+    return asdict(pace)
+
+
+def seconds_of(report: Any, name: str) -> dict[int, float]:
+    """Return seconds by size of a report that `to_dict` made.
+
+    Raises
+    ------
+    InputError
+        Where it is none.
+    """
+    try:
+        return {int(row["size"]): float(row["seconds"]) for row in report["rows"]}
+    except (KeyError, TypeError, ValueError):
+        raise InputError(
+            f"{name}: holds no times of batches; expected what mls bench --sizes --json wrote"
+        ) from None
+
+
+def to_markdown(pace: Pace, before: Mapping[int, float] | None = None) -> str:
+    """Return a table, with earlier times beside where there are any."""
+    head = ["points", "batches", "ms a batch", "thesis, ms", "times as fast"]
+    head += ["before, ms", "now / before"] if before is not None else []
+    lines = [f"| {' | '.join(head)} |", f"|{'--:|' * len(head)}"]
+    for row in pace.rows:
+        cells = [f"{row.size}", f"{row.batches}", f"{1e3 * row.seconds:.2f}"]
+        if row.thesis is None:
+            cells += ["", ""]
+        else:
+            cells += [f"{1e3 * row.thesis:.0f}", f"{row.thesis / row.seconds:.0f}"]
+        if before is not None:
+            old = before.get(row.size)
+            cells += ["", ""] if old is None else [f"{1e3 * old:.2f}", f"{row.seconds / old:.2f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", f"The first batch of all cost {pace.first_call:.2f} s more."]
+    if pace.exponent is not None:
+        thesis = [Row(size, 1, seconds, None) for size, seconds in THESIS.items()]
+        lines.append(
+            f"Time grows with the size to the power of {pace.exponent:.2f}; the thesis's with "
+            f"{_exponent(thesis):.2f}."
+        )
+    return "\n".join(lines) + "\n"
+
+
+def picture_kind(name: str) -> str:
+    """Return the kind of picture that a file's ending names, checked before anything is timed.
+
+    Raises
+    ------
+    UsageError
+        Where matplotlib is missing, or draws no pictures of this kind.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise UsageError("--plot needs matplotlib: pip install 'mlscli[plot]'") from None
+    kind, kinds = Path(name).suffix[1:], Figure().canvas.get_supported_filetypes()
+    if kind not in kinds:
+        raise UsageError(f"--plot {name}: expected a name that ends in one of {', '.join(kinds)}")
+    return kind
+
+
+def draw(pace: Pace, stream: BinaryIO, kind: str) -> None:
+    """Draw the times over the sizes, the thesis's beside them, both axes logarithmic."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 5), layout="constrained")
+    axes = figure.add_subplot()
+    axes.loglog(list(THESIS), list(THESIS.values()), "o-", label="thesis, a laptop of 2005")
+    axes.loglog([r.size for r in pace.rows], [r.seconds for r in pace.rows], "s-", label="mls")
+    axes.set(xlabel="points in a batch", ylabel="average time of a batch (s)")
+    axes.legend()
+    figure.savefig(stream, format=kind)
