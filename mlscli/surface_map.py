@@ -155,6 +155,8 @@ class SurfaceMap:
 
     def sorted(self) -> SurfaceMap:
         """Return the same patches in the file's order."""
+        if self._is_sorted():
+            return self
         keys = (self.count, self.origin, self.depth, self.height, self.iy, self.ix)
         return self.take(np.lexsort(keys))
 
