@@ -193,12 +193,10 @@ def picture_kind(name: str) -> str:
     Raises
     ------
     UsageError
-        Where matplotlib is missing, or draws no pictures of this kind.
+        Where matplotlib draws no pictures of this kind.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise UsageError("--plot needs matplotlib: pip install 'mlscli[plot]'") from None
+    from matplotlib.figure import Figure
+
     kind, kinds = Path(name).suffix[1:], Figure().canvas.get_supported_filetypes()
     if kind not in kinds:
         raise UsageError(f"--plot {name}: expected a name that ends in one of {', '.join(kinds)}")

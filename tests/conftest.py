@@ -5,6 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# A kernel that is compiled or loaded within an example takes its time; clocks decide nothing.
+settings.register_profile("mls", deadline=None)
+settings.load_profile("mls")
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     metavar="SIZES",
     help="Time batches of so many points: A..B, A..B:STEP or a list; 20..400 are the thesis's.",
 )
-@click.option("--plot", metavar="FILE", help="Draw the times of --sizes (needs matplotlib).")
+@click.option("--plot", metavar="FILE", help="Draw the times of --sizes.")
 @click.option(
     "--compare", metavar="OLD.json", help="Put the times of an earlier --sizes --json beside."
 )
