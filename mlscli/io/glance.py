@@ -22,7 +22,7 @@ class Glance:
     points : int
         Keyframes are read until so many points have come.
     seconds : float
-        Of wall time, in which a pass begins to read another message.
+        Of wall time from the first message on, in which a pass begins to read another.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Glance:
         self.cut = self.poses_cut = False
         self._points, self._seconds = points, seconds
         self._left = 0
-        self._deadline = 0.0
+        self._deadline: float | None = None
         self._sources = 0
 
     def of(self, source: Source) -> Source:
@@ -47,7 +47,7 @@ class Glance:
     def begin(self) -> None:
         """Begin a pass."""
         self._left = self._points
-        self._deadline = time.monotonic() + self._seconds
+        self._deadline = None
 
     def took(self, points: int) -> None:
         """Count points."""
@@ -56,7 +56,12 @@ class Glance:
     @property
     def is_over(self) -> bool:
         """Whether nothing more is to be read in this pass."""
-        return self._left <= 0 or time.monotonic() > self._deadline
+        now = time.monotonic()
+        if self._deadline is None:
+            # A file of points is read before its first keyframe is asked about, however long
+            # that takes.
+            self._deadline = now + self._seconds
+        return self._left <= 0 or now > self._deadline
 
 
 class _Over(Exception):  # noqa: N818  # no error: it ends a pass from within

@@ -24,7 +24,7 @@ from mlscli.io.recording import open_recording
         ("sparse/stella_map_small.msg", "binary data"),
         ("sparse/colmap_pysfm/cameras.bin", "binary data"),
         ("sparse/opensfm_berlin/tracks.csv", "OPENSFM_TRACKS"),
-        ("sparse/euroc_orb2_KeyFrameTrajectory_tum.txt", "74 beyond 1e8"),
+        ("sparse/euroc_orb2_KeyFrameTrajectory_tum.txt", "--route"),
         ("multilevel/unitree_ISR_registration_metrics.json", "JSON"),
         ("hard/pcd_zero_points.pcd", "holds no points"),
         ("bags/ros1_ouster_in_mcap_zstd.mcap", "--frame os1_sensor"),

@@ -6,6 +6,7 @@ pass knows, or that each source has for itself; messages nobody wants, read with
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from itertools import count
 from typing import Any, cast
@@ -80,3 +81,13 @@ def test_transforms_end_with_the_time() -> None:
 
 def test_all_else_is_the_source_itself() -> None:
     assert source_of(Glance(), Flight()).label == "flight"
+
+
+def test_a_file_that_takes_long_to_open_is_looked_at_all_the_same() -> None:
+    class Slow(Flight):
+        def clouds(self, wanted: Wanted) -> Iterator[Cloud]:
+            time.sleep(0.05)
+            yield from super().clouds(wanted)
+
+    glance = Glance(points=45, seconds=0.02)
+    assert len(list(source_of(glance, Slow(3)).clouds())) == 3

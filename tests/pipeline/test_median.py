@@ -116,7 +116,7 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     spread = Points(points.xyz * (30, 30, 1), points.keyframe)
     results = []
     for processors in (1, 2, 5):
-        monkeypatch.setattr("mlscli.threads._processors", lambda n=processors: n)
+        monkeypatch.setattr("mlscli.threads.processors", lambda n=processors: n)
         monkeypatch.setattr("mlscli.threads.WORTHWHILE", 100)
         results.append(Median(0.7, 5, 2).apply(spread, 0.5))
     assert results[0].size > 1000

@@ -162,7 +162,7 @@ def test_a_seed_gives_the_same_flight_whatever_the_threads(monkeypatch: pytest.M
     noise = Noise("slam", outliers=0.05)
     flights = []
     for processors in (1, 2, 3):
-        monkeypatch.setattr(mlscli.threads, "_processors", lambda n=processors: n)
+        monkeypatch.setattr(mlscli.threads, "processors", lambda n=processors: n)
         flights.append(fly(make("gym"), 0.08, noise, holes=(3, 0.8), seed=7))
     assert same(flights[0], flights[1])
     assert same(flights[0], flights[2])

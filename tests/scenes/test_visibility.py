@@ -131,7 +131,7 @@ def test_threads_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     directions = np.tile([0.0, 0.0, -1.0], (9, 1))
     found = []
     for processors in (1, 3):
-        monkeypatch.setattr(mlscli.threads, "_processors", lambda n=processors: n)
+        monkeypatch.setattr(mlscli.threads, "processors", lambda n=processors: n)
         found.append(
             first_seen(scene, samples.xyz, samples.surface, cameras, directions, 120.0, 9.0)
         )
