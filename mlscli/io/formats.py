@@ -111,7 +111,9 @@ def _is_ros2_folder(path: Path) -> bool:
     """Tell whether a folder is a ROS 2 bag: by its metadata, or by files of one without them."""
     if not path.is_dir():
         return False
-    endings = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
+    endings = tuple(
+        f"{kind}{packed}" for kind in (".db3", ".mcap") for packed in ("", ".zstd", ".zst")
+    )
     return any(c.name == "metadata.yaml" or c.name.endswith(endings) for c in path.iterdir())
 
 

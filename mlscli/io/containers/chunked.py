@@ -239,7 +239,7 @@ class ChunkedFile(ABC):
         if chunk.counts is not None and chunk.counts.keys() <= self._definitions().keys():
             return
         try:
-            entries = self._contents(self._load(file, chunk)).entries
+            contents = self._contents(self._load(file, chunk))
         except DamagedError as fault:
             if chunk.counts is None:
                 chunk.counts = {}
@@ -248,7 +248,14 @@ class ChunkedFile(ABC):
                     size=chunk.data_size,
                 )
             return
+        entries = contents.entries
         if chunk.counts is None:
+            if not entries and contents.fault and not chunk.cut:
+                # A chunk of which nothing is known is not read again, and its fault told here.
+                self._found.add(
+                    f"the chunk at byte {chunk.position:,} is damaged: {contents.fault}",
+                    size=chunk.data_size,
+                )
             chunk.counts = dict(Counter(entry.channel for entry in entries))
         if entries:
             chunk.start = min(entry.log_time for entry in entries)

@@ -97,7 +97,8 @@ def chunk_by_index(index: mcap.ChunkIndex) -> Chunk | None:
     """Return a chunk as its index in the summary tells it; None where that does not add up."""
     stop = index.chunk_start_offset + index.chunk_length
     offsets = sorted((at, number) for number, at in index.message_index_offsets.items())
-    if not offsets:
+    # They lie behind the chunk: one that said otherwise could be gone around for ever.
+    if not offsets or index.chunk_length <= 0 or offsets[0][0] < stop:
         return None
     # The index records of a chunk follow one another, so their lengths tell their entries.
     ends = [at for at, _ in offsets[1:]] + [stop + index.message_index_length]

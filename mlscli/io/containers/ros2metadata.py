@@ -79,10 +79,14 @@ def _list(content: object) -> list[Any]:
     return content if isinstance(content, list) else []
 
 
+# What 64 bits hold; a number of more digits could not even be told.
+_MOST = 1 << 63
+
+
 def _count(content: object) -> int | None:
-    return content if isinstance(content, int) and content >= 0 else None
+    return content if isinstance(content, int) and 0 <= content < _MOST else None
 
 
 def _name(path: object) -> str:
     """Return the name of a file in the bag's folder; versions before 4 name the folder, too."""
-    return PurePosixPath(PureWindowsPath(str(path or "")).as_posix()).name
+    return PurePosixPath(PureWindowsPath(path if isinstance(path, str) else "").as_posix()).name

@@ -15,10 +15,12 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 
 from mlscli.io.containers.mcapfile import McapFile
+from mlscli.io.containers.mcaprecords import chunk_by_index
 from mlscli.io.containers.opening import open_container
 from tests.broken import (
     SECOND,
@@ -355,3 +357,19 @@ def test_the_writer_of_the_tests_compresses(tmp_path: Path) -> None:
     }
     assert sizes["none"] > 2 * sizes["lz4"]
     assert sizes["none"] > 2 * sizes["zstd"]
+
+
+def test_an_index_that_leads_back_to_its_own_chunk_is_not_followed() -> None:
+    # Taken at its word, such a chunk ends where it begins, and the next one is itself.
+    index = ChunkIndex(
+        chunk_length=0,
+        chunk_start_offset=100,
+        compressed_size=0,
+        compression="",
+        message_end_time=0,
+        message_index_length=0,
+        message_index_offsets={1: 85},
+        message_start_time=0,
+        uncompressed_size=0,
+    )
+    assert chunk_by_index(index) is None
