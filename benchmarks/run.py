@@ -1,4 +1,4 @@
-"""Speed beside what a user would pick instead: ``python -m benchmarks.run`` (two minutes).
+"""Speed beside what a user would pick instead: ``python -m benchmarks.run`` (half a minute).
 
 In every row the two ways take turns, and the figures are medians; a level is a ratio, or a rate
 of this program. The machine's own limits come first. CPU time can be asked for where others use

@@ -7,6 +7,7 @@ of its own flight, some 3,100 points, on a laptop of 2005.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -155,8 +156,11 @@ def seconds_of(report: Any, name: str) -> dict[int, float]:
         Where it is none.
     """
     try:
-        return {int(row["size"]): float(row["seconds"]) for row in report["rows"]}
-    except (KeyError, TypeError, ValueError):
+        times = {int(row["size"]): float(row["seconds"]) for row in report["rows"]}
+        if not all(0 < seconds < math.inf for seconds in times.values()):
+            raise ValueError
+        return times
+    except (KeyError, OverflowError, TypeError, ValueError):
         raise InputError(
             f"{name}: holds no times of batches; expected what mls bench --sizes --json wrote"
         ) from None

@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     type=Size(),
     metavar="SIZE",
     help="Take no more memory than this, such as 2G or 500M: points and tiles of the map lie on "
-    "disk meanwhile. The map is the same; map.cell_size must be a number. Text clouds are held "
-    "in memory all the same.",
+    "disk meanwhile. The map is the same; map.cell_size must be a number. Clouds that "
+    "are no bags are held in memory all the same.",
 )
 @click.option(
     "--scratch",
@@ -109,14 +109,13 @@ def command(
     _check_together(parameters, growing or replay is not None, jobs, memory, scratch)
     target = output or default_output(sources[0])
     refuse_existing(target, overwrite=overwrite, sources=sources)
-    if dry_run:
-        return dryrun.tell(
-            target, sources, parameters, _nobody if growing else None, selection, as_json=as_json
-        )
     if replay is not None:
         if Path(replay).absolute() == Path(target).absolute():
             raise UsageError(f"--replay {replay}: is the map's name; choose another")
         refuse_existing(replay, overwrite=overwrite, sources=sources)
+    if dry_run:
+        grows = _nobody if growing or replay is not None else None
+        return dryrun.tell(target, sources, parameters, grows, selection, as_json=as_json)
     recording = open_recording(*sources, **selection)
     notes = recording.notes
     for note in notes:

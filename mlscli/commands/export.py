@@ -79,7 +79,7 @@ def command(
     from mlscli.io.mapfile import read_map
 
     if kind == "mcap":
-        if style != "surface" or max_slope is not None or no_artificial:
+        if style != "surface" or max_slope is not None or no_artificial or colour != "height":
             raise UsageError("--format mcap: holds all of the map; leave out how it is to be drawn")
         surface = read_map(map_file)
         _replay(target, surface, overwrite=overwrite)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -95,7 +95,9 @@ def _good_for(topic: dict[str, Any]) -> str:
         return "no clouds"
     if not topic["mappable"]:
         return f"not mapped as it is: {topic['why_not']}"
-    frame, into = topic["frame"].strip().lstrip("/"), topic["map_frame"]
+    from mlscli.transforms import bare
+
+    frame, into = bare(topic["frame"]), topic["map_frame"]
     if not frame:
         return "can be mapped: in no frame"
     moved = f", moved into {into!r} by the transforms" if into != frame else ""
@@ -107,16 +109,25 @@ def _tree(links: Sequence[dict[str, Any]]) -> Iterator[str]:
     children = {link["child"] for link in links}
     drawn: set[str] = set()
 
-    def draw(frame: str, depth: int, moves: bool) -> Iterable[str]:
-        drawn.add(frame)
-        yield f"    {'  ' * depth}{frame}{' (moves)' if moves else ''}"
-        for link in links:
-            if link["parent"] == frame and link["child"] not in drawn:
-                yield from draw(link["child"], depth + 1, link["moves"])
+    def draw(root: str) -> Iterator[str]:
+        # No recursion: a chain of frames can be as long as a message allows.
+        waiting = [(root, 0, False)]
+        while waiting:
+            frame, depth, moves = waiting.pop()
+            if frame in drawn:
+                continue
+            drawn.add(frame)
+            yield f"    {'  ' * depth}{frame}{' (moves)' if moves else ''}"
+            below = [
+                (link["child"], depth + 1, link["moves"])
+                for link in links
+                if link["parent"] == frame
+            ]
+            waiting += below[::-1]
 
     for link in links:
         if link["parent"] not in children and link["parent"] not in drawn:
-            yield from draw(link["parent"], 0, moves=False)
+            yield from draw(link["parent"])
     for link in links:
         if link["child"] not in drawn:
             yield f"    {link['child']} below {link['parent']}, in a circle"

@@ -149,8 +149,8 @@ def _assemble(draft: Draft) -> Parameters:
         for item in fields_of(part.owner).values():
             value = part.given[item.name].value if item.name in part.given else None
             if item.name not in part.given or (value is None and item.default_from):
-                default = part.chosen.get(item.name, item.default)
-                value = in_force[item.default_from] if item.default_from else default
+                value = in_force[item.default_from] if item.default_from else item.default
+                value = part.chosen.get(item.name, value)
             taken[item.name] = in_force[part.path(item.name)] = value
         return taken
 

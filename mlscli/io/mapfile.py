@@ -8,8 +8,10 @@ before memory is given to an array, and the map's invariants after.
 from __future__ import annotations
 
 import json
+import lzma
 import os
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +30,10 @@ LENGTHS = ("cell_size", "gap_size", "thickness")
 # Deflated data grow no more than this; a file that claims more is not to be given memory for.
 DENSEST = 1032
 _EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+# What reading a member of a damaged, encrypted or oddly compressed archive raises.
+_DAMAGED = (ValueError, EOFError, RuntimeError, zlib.error, lzma.LZMAError)
 
 
 def write_map(
@@ -116,7 +122,7 @@ def is_map(path: str | os.PathLike[str]) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return _Members(archive).text("format") == FORMAT
-    except (OSError, ValueError, zipfile.BadZipFile, MlsError, NotImplementedError):
+    except (*_DAMAGED, OSError, zipfile.BadZipFile, MlsError):
         return False
 
 
@@ -133,7 +139,7 @@ def _reading(source: Path) -> Iterator[None]:
         raise InputError(f"{source}: is a folder; a map is a .npz file") from None
     except zipfile.BadZipFile as error:
         raise InputError(f"{source}: is no map (.npz), or a damaged one: {error}") from None
-    except (ValueError, EOFError, NotImplementedError, RuntimeError) as error:
+    except _DAMAGED as error:
         raise InputError(f"{source}: is a damaged map: {error}") from None
     except OSError as error:
         raise InputError(f"{source}: cannot be read: {error.strerror or error}") from None

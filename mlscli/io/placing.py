@@ -118,7 +118,11 @@ class Placing:
         way = self._ways[frame]
         points, position, attitude = cloud.points, cloud.position, cloud.attitude
         if way is not None:
-            pose = way(cloud.stamp)
+            try:
+                pose = way(cloud.stamp)
+            except InputError:
+                # The frames are connected at other times.
+                pose = None
             if pose is None:
                 return None
             points = apply(pose, points)

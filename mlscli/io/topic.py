@@ -104,28 +104,31 @@ class TopicSource:
         came = lost = 0
         first_fault = ""
         topic = self._topic
-        for message in self._messages({topic.type: None}, topic.name):
-            came += 1
-            stamp = self._stamp(message)
-            if not math.isnan(stamp) and not wanted(stamp):
-                continue
-            try:
-                parts = self._decode(message)
-            except (MalformedMessageError, MalformedCloudError) as error:
-                lost += 1
-                first_fault = first_fault or f"the first at {stamp:.9f}: {error}"
-                continue
-            for part in parts:
-                self._skipped += part.skipped
-                time = part.stamp if math.isnan(stamp) else stamp
-                if math.isnan(stamp) and not wanted(time):
+        try:
+            for message in self._messages({topic.type: None}, topic.name):
+                came += 1
+                stamp = self._stamp(message)
+                if not math.isnan(stamp) and not wanted(stamp):
                     continue
-                for points in part.split():
-                    yield Cloud(points, time, frame_id=part.frame_id)
-        if lost:
-            self._unreadable = (
-                f"{self.label}: {lost} of {came} messages cannot be read, {first_fault}"
-            )
+                try:
+                    parts = self._decode(message)
+                except (MalformedMessageError, MalformedCloudError) as error:
+                    lost += 1
+                    first_fault = first_fault or f"the first at {stamp:.9f}: {error}"
+                    continue
+                for part in parts:
+                    self._skipped += part.skipped
+                    time = part.stamp if math.isnan(stamp) else stamp
+                    if math.isnan(stamp) and not wanted(time):
+                        continue
+                    for points in part.split():
+                        yield Cloud(points, time, frame_id=part.frame_id)
+        finally:
+            # Also where a pass is ended before all was read.
+            if lost:
+                self._unreadable = (
+                    f"{self.label}: {lost} of {came} messages cannot be read, {first_fault}"
+                )
 
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
         """Tell where frames are in others, and whether they stay there.
@@ -179,22 +182,24 @@ class TopicSource:
     ) -> Iterator[tuple[str, StampedPoses]]:
         """Read poses, each with the topic that tells it."""
         unreadable: Counter[str] = Counter()
-        for message in self._messages(types, topic):
-            try:
-                told = types[message.channel.type](self._deserializer.read(message))
-            except (MalformedMessageError, MalformedCloudError):
-                unreadable[message.channel.topic] += 1
-                continue
-            for poses in told:
-                stamps = poses.stamps
-                if self._clock == "log":
-                    stamps = np.full(len(stamps), message.log_time / _NANOSECONDS)
-                yield message.channel.topic, poses._replace(stamps=stamps)
-        lost = [
-            f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
-            for name, count in unreadable.items()
-        ]
-        self._lost_beside |= dict.fromkeys([*self._container.losses, *lost])
+        try:
+            for message in self._messages(types, topic):
+                try:
+                    told = types[message.channel.type](self._deserializer.read(message))
+                except (MalformedMessageError, MalformedCloudError):
+                    unreadable[message.channel.topic] += 1
+                    continue
+                for poses in told:
+                    stamps = poses.stamps
+                    if self._clock == "log":
+                        stamps = np.full(len(stamps), message.log_time / _NANOSECONDS)
+                    yield message.channel.topic, poses._replace(stamps=stamps)
+        finally:
+            lost = [
+                f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
+                for name, count in unreadable.items()
+            ]
+            self._lost_beside |= dict.fromkeys([*self._container.losses, *lost])
 
     # --- topics ---
 

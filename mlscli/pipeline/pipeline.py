@@ -1,7 +1,7 @@
 """The stages of a configuration in their order: the map as a function of the points.
 
-Where the function is evaluated is the choice of others: everywhere at once (`in_one_pass`), or
-where a batch can change something (`growing`).
+Where the function is evaluated is the choice of others: everywhere at once (`in_one_pass`), tile
+by tile (`tilewise`), or where a batch can change something (`growing`).
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ class PcdCloud(PointFile):
             )
         packed = data[8 : 8 + compressed]
         plain = decompress(packed, size)
-        fault = "" if len(packed) < compressed else "the compressed data contradicts itself"
+        fault = "" if len(data) < 8 + compressed else "the compressed data contradicts itself"
         columns = [plain[starts[place] : starts[place + 1]] for place in wanted]
         whole = min(
             len(column) // header.fields[place].size

@@ -116,7 +116,8 @@ def _numbers(
     rows: Sequence[str], pick: Pick, width: int | None
 ) -> tuple[Float64, tuple[int, str] | None]:
     """Return what was picked of each whole row, and which is the first broken one and why."""
-    if rows and width is not None:
+    # A row of so many numbers has at least as many characters.
+    if rows and width is not None and width <= len(rows[0]):
         block = lines.numbers(lines.clean("\n".join(rows)), range(width))
         if block is not None:
             return block[:, pick(range(width))], None

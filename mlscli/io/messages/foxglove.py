@@ -39,7 +39,7 @@ def decode_foxglove_pointcloud(message: Any) -> list[Part]:
             raise MalformedCloudError(
                 f"{len(data)} bytes of data, expected a multiple of point_stride {stride}"
             )
-        fields = {f.name: Field(int(f.offset), int(f.type)) for f in message.fields}
+        fields = {f.name: Field(int(f.offset), int(f.type)) for f in reversed(message.fields)}
         shape, strides = (1, len(data) // stride), (len(data), stride)
         points, keyframes = Packed(data, shape, strides, fields, _DATATYPES, "<").unpack()
     return [_part(message, points, keyframes)]

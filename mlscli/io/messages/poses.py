@@ -34,7 +34,7 @@ class StampedPoses(NamedTuple):
     parent, child : str
         Frames, without a leading slash; the child is empty where the message names none.
     refused : int
-        StampedPoses that were left out: not finite, or with a quaternion without length.
+        Poses that were left out: not finite, or with a quaternion without length.
     """
 
     stamps: Float64
@@ -67,7 +67,7 @@ def _pose_with_covariance_stamped(message: Any) -> Iterator[_Row]:
 
 def _path(message: Any) -> Iterator[_Row]:
     for each in message.poses:
-        # StampedPoses that name no frame are in the path's.
+        # Poses that name no frame are in the path's.
         parent = each.header.frame_id or message.header.frame_id
         yield parent, "", each.header.stamp, each.pose.position, each.pose.orientation
 
