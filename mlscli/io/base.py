@@ -6,16 +6,12 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Array, Float64, Int64
-
-if TYPE_CHECKING:
-    from mlscli.io.messages.poses import StampedPoses
-
 
 UNKNOWN_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
 
@@ -49,6 +45,30 @@ class Cloud:
     def has_position(self) -> bool:
         """Whether it is known where the craft was."""
         return all(map(math.isfinite, self.position))
+
+
+class StampedPoses(NamedTuple):
+    """T_parent_child at some times, in the order of the message.
+
+    Attributes
+    ----------
+    stamps : float64 (N,)
+        Seconds.
+    translations : float64 (N, 3)
+    quaternions : float64 (N, 4)
+        x, y, z, w, of length 1.
+    parent, child : str
+        Frames, without a leading slash; the child is empty where the message names none.
+    refused : int
+        Poses that were left out: not finite, or with a quaternion without length.
+    """
+
+    stamps: Float64
+    translations: Float64
+    quaternions: Float64
+    parent: str
+    child: str
+    refused: int = 0
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io.base import Clock, Cloud, Topic, Wanted, everything
+from mlscli.io.base import Clock, Cloud, StampedPoses, Topic, Wanted, everything
 from mlscli.io.containers.container import Container, Message
 from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
-from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES, StampedPoses
+from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
 from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, MalformedCloudError, Part
 
 _NANOSECONDS = 10**9

@@ -7,17 +7,21 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.base import Cloud, Topic, Wanted, everything, rows_by_first_appearance
+from mlscli.io.base import (
+    Cloud,
+    StampedPoses,
+    Topic,
+    Wanted,
+    everything,
+    rows_by_first_appearance,
+)
 from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Array, Float64
-
-if TYPE_CHECKING:
-    from mlscli.io.messages.poses import StampedPoses
 
 KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
 """What a field that tells the points of several keyframes apart is named."""

@@ -10,39 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import wraps
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from mlscli.io.base import StampedPoses
 from mlscli.io.messages.parts import checked, seconds
-from mlscli.typing import Float64
 
 # Parent frame, child frame, time, position, orientation.
 _Row: TypeAlias = tuple[str, str, Any, Any, Any]
-
-
-class StampedPoses(NamedTuple):
-    """T_parent_child at some times, in the order of the message.
-
-    Attributes
-    ----------
-    stamps : float64 (N,)
-        Seconds.
-    translations : float64 (N, 3)
-    quaternions : float64 (N, 4)
-        x, y, z, w, of length 1.
-    parent, child : str
-        Frames, without a leading slash; the child is empty where the message names none.
-    refused : int
-        Poses that were left out: not finite, or with a quaternion without length.
-    """
-
-    stamps: Float64
-    translations: Float64
-    quaternions: Float64
-    parent: str
-    child: str
-    refused: int = 0
 
 
 def frame_name(frame_id: str) -> str:

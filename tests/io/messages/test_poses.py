@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlscli.io.base import StampedPoses
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES, StampedPoses
+from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
 from mlscli.io.messages.registry import MalformedCloudError
 from tests import foxglove
 from tests.ros import ENCODINGS, header, serialized, vector
