@@ -1,8 +1,8 @@
-"""Maps that grow: after every batch the map of all points so far, bit for bit.
+"""Maps that grow: single cases, and recorded flights.
 
 How one could cheat: look at the map in the end only; compare with a map that grew, too; batches
-of one size; points that never come near each other; a change that is the whole map; maps without
-inserted patches, so that none has to vanish.
+of one size; points that never come near each other; a change that is the whole map. What holds
+whatever grows is tested in test_growing_properties.py.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mlscli
@@ -24,12 +23,10 @@ from mlscli.keyframes import Keyframe, Points
 from mlscli.parameters import in_units
 from mlscli.pipeline import tilewise
 from mlscli.pipeline.builder import MapBuilder
-from mlscli.pipeline.change import Change
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.median import Median
 from mlscli.pipeline.stage import MapStage, PointStage
 from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Array
 from tests.maps import CELL, random_points
 
 SIZES = "map: {cell_size: 0.5, gap_size: 0.75, thickness: 0.25}\n"
@@ -92,60 +89,6 @@ def together(batches: list[Points]) -> Points:
     return Points(*(np.concatenate(column) for column in zip(*batches, strict=True)))
 
 
-@settings(max_examples=30, deadline=None)
-@given(seeds, st.integers(1, 60), st.sampled_from(sorted(PIPELINES)))
-def test_after_every_batch_the_map_is_that_of_one_pass(seed: int, size: int, stages: str) -> None:
-    rng = np.random.default_rng(seed)
-    points = random_points(rng)
-    far = rng.random(points.size) < 0.02
-    points.xyz[far, :2] += rng.choice([-1e6, 40.0, 1e6], (int(far.sum()), 2))
-    given_parameters = parameters(PIPELINES[stages])
-    followed: list[Change] = []
-    builder = MapBuilder(given_parameters, follow=followed.append)
-    so_far: list[Points] = []
-    # What a follower knows of the map, who has been told of nothing but changes.
-    seen = builder.surface
-    assert not followed
-    for batch in batches_of(points, size):
-        before = seen
-        so_far.append(batch)
-        change = builder.process_cloud(batch.xyz)
-        expected = one_pass(together(so_far), given_parameters, final=False)
-        assert builder.surface == expected
-        assert followed.pop() is change
-        assert not followed
-        seen = change.applied_to(before)
-        assert seen == expected
-        # Nothing that stays is told to go and come again.
-        assert change.removed == _without(before, expected)
-        assert change.added == _without(expected, before)
-    if so_far:
-        expected = one_pass(together(so_far), given_parameters, final=True)
-        surface = builder.finish()
-        assert surface == expected
-        surface.check()
-        account = surface.meta["points"]
-        assert account["read"] == points.size
-        assert account["kept"] == expected.count.sum()
-        assert account["dropped"] == _dropped(together(so_far), given_parameters)
-
-
-def _without(surface: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
-    rows = [
-        {row.tobytes() for row in np.stack([_bits(c) for c in each.columns.values()], axis=1)}
-        if each.size
-        else set()
-        for each in (surface, other)
-    ]
-    mine = [_bits(column) for column in surface.columns.values()]
-    only = [np.array(row).tobytes() not in rows[1] for row in zip(*mine, strict=True)]
-    return surface.take(np.array(only, dtype=np.bool_))
-
-
-def _bits(column: Array) -> Array:
-    return column.view(np.int64) if column.dtype == np.float64 else column.astype(np.int64)
-
-
 def _dropped(points: Points, given_parameters: Parameters) -> dict[str, int]:
     """Count what each stage drops in one pass."""
     builder = MapBuilder(given_parameters)
@@ -153,20 +96,6 @@ def _dropped(points: Points, given_parameters: Parameters) -> dict[str, int]:
         builder.add(Keyframe(points.xyz[points.keyframe == number]))
     dropped: dict[str, int] = builder.finish().meta["points"]["dropped"]
     return dropped
-
-
-@settings(max_examples=20, deadline=None)
-@given(seeds, st.integers(5, 60), st.sampled_from(sorted(PIPELINES)))
-def test_a_sequential_map_tells_what_each_batch_changes(seed: int, size: int, stages: str) -> None:
-    points = random_points(np.random.default_rng(seed))
-    builder = MapBuilder(parameters(PIPELINES[stages], "sequential"))
-    seen = builder.surface
-    for batch in batches_of(points, size):
-        change = builder.process_cloud(batch.xyz)
-        before, seen = seen, builder.surface
-        assert change.applied_to(before) == seen
-        assert change.removed == _without(before, seen)
-        assert change.added == _without(seen, before)
 
 
 class Again(Median):
