@@ -7,7 +7,7 @@ whatever grows is tested in test_growing_properties.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import mlscli
 from mlscli.cells import cell_indices
 from mlscli.config import Parameters, loads
-from mlscli.keyframes import Keyframe, Points
+from mlscli.keyframes import Keyframe, Points, gather
 from mlscli.parameters import in_units
 from mlscli.pipeline import tilewise
 from mlscli.pipeline.builder import MapBuilder
@@ -85,8 +85,9 @@ def batches_of(points: Points, size: int) -> Iterator[Points]:
         yield Points(xyz, np.full(len(xyz), number, dtype=np.int32))
 
 
-def together(batches: list[Points]) -> Points:
-    return Points(*(np.concatenate(column) for column in zip(*batches, strict=True)))
+def together(batches: Iterable[Points]) -> Points:
+    columns = zip(gather([]).points, *batches, strict=True)
+    return Points(*(np.concatenate(column) for column in columns))
 
 
 def _dropped(points: Points, given_parameters: Parameters) -> dict[str, int]:

@@ -112,7 +112,7 @@ def ignored(_: Change) -> None:
 
 
 def in_another_order(batches: Sequence[Points]) -> Points:
-    points = together(list(batches))
+    points = together(batches)
     return points_at(points, np.random.default_rng(points.size).permutation(points.size))
 
 

@@ -1,0 +1,207 @@
+"""One map, wherever it is evaluated: in windows, tiles, threads or on disk, turned or shuffled.
+
+How one could cheat: one tile, or one thread, whatever is asked for; margins that are the whole
+map; tiles only where there are points, so that what is inserted between them is lost; the default
+list of stages; symmetries of single stages only, or of maps without gaps; files left in folders
+that have other names, or while nothing was ever put there.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from mlscli.cells import Limits
+from mlscli.io.mapfile import read_map, write_map
+from mlscli.io.recording import open_recording
+from mlscli.keyframes import Keyframe, Points
+from mlscli.pipeline import large, tilewise
+from mlscli.pipeline.blocks import PointBlocks
+from mlscli.pipeline.builder import MapBuilder
+from mlscli.pipeline.large import build_large
+from mlscli.pipeline.pipeline import Pipeline
+from mlscli.pipeline.report import Report
+from mlscli.pipeline.stage import Stage
+from mlscli.pipeline.tilewise import evaluate, in_tiles, joined, tiles_of
+from mlscli.surface_map import SurfaceMap
+from tests.bags import Sent, write_bag
+from tests.maps import CELL, symmetries, turned_map, turned_points
+from tests.pipeline.test_growing import one_pass, together
+from tests.pipelines import clouds, flights, in_batches, parameters_of, points_at, stage_lists
+
+
+@settings(max_examples=40)
+@given(clouds, stage_lists(), st.integers(0, 5), st.data())
+def test_a_window_shows_what_the_whole_map_has_there(
+    points: Points, stages: tuple[Stage, ...], shift: int, data: st.DataObject
+) -> None:
+    pipeline = Pipeline(parameters_of(stages), "map", Report())
+    expected = one_pass(points, parameters_of(stages), final=False)
+    blocks = in_blocks(points, shift)
+    cells = np.floor(points.xyz[:, :2] / CELL).astype(np.int64).tolist() or [(0, 0)]
+    for _ in range(5):
+        # Some lie beside all points; some have no end on a side.
+        low = [at - data.draw(st.integers(-2, 7)) for at in data.draw(st.sampled_from(cells))]
+        high = [least + data.draw(st.integers(0, 8)) for least in low]
+        ends = [data.draw(st.sampled_from([end, end, end, None])) for end in (*low, *high)]
+        limits = Limits(ends[0], ends[2], ends[1], ends[3])
+        assert evaluate(pipeline, blocks, limits).surface == expected.crop(*limits)
+
+
+@settings(max_examples=40)
+@given(clouds, stage_lists(), st.integers(0, 6), st.integers(0, 400), st.sampled_from([1, 2, 3, 8]))
+def test_tiles_from_one_cell_to_the_whole_map_make_the_map_of_one_pass(
+    points: Points, stages: tuple[Stage, ...], shift: int, most: int, threads: int
+) -> None:
+    report = Report()
+    pipeline = Pipeline(parameters_of(stages), "map", report)
+    blocks = in_blocks(points, shift)
+    tiles = tiles_of(blocks, pipeline.reach, most)
+    if most == shift == 0:
+        assert len(tiles) == max(1, len(blocks.occupied().points))
+    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, threads)))
+    assert surface == one_pass(points, parameters_of(stages), final=False)
+    once = Report()
+    Pipeline(parameters_of(stages), "map", once).in_one_pass(points)
+    assert report.dropped == once.dropped
+
+
+@settings(max_examples=15)
+@given(flights(), stage_lists(), st.integers(1, 100))
+def test_a_builder_makes_one_map_with_any_number_of_threads(
+    flight: list[Points], stages: tuple[Stage, ...], worthwhile: int
+) -> None:
+    before = tilewise.WORTHWHILE
+    maps = []
+    try:
+        tilewise.WORTHWHILE = worthwhile
+        for jobs in (None, 1, 2, 3, 8):
+            builder = MapBuilder(parameters_of(stages), jobs=jobs)
+            for batch in flight:
+                builder.add(Keyframe(batch.xyz))
+            maps.append(builder.finish())
+    finally:
+        tilewise.WORTHWHILE = before
+    points = together(flight)
+    expected = one_pass(points, parameters_of(stages), final=True)
+    for surface in maps:
+        assert surface == expected
+        assert surface.meta == maps[0].meta
+
+
+@settings(max_examples=20)
+@given(clouds, stage_lists(), st.sampled_from([1, 2, 3, 8]), st.data())
+def test_a_map_made_on_disk_is_the_map_of_one_pass(
+    tmp_path_factory: pytest.TempPathFactory,
+    cloud: Points,
+    stages: tuple[Stage, ...],
+    jobs: int,
+    data: st.DataObject,
+) -> None:
+    points = together([*in_batches(cloud, [30, 90])])
+    expected = one_pass(points, parameters_of(stages), final=True)
+    assume(expected.size > 0)
+    folder = tmp_path_factory.mktemp("disk")
+    rows = np.column_stack(points)
+    (folder / "cloud.txt").write_text("\n".join(" ".join(map(repr, row)) for row in rows.tolist()))
+    (folder / "scratch").mkdir()
+    recording = open_recording(folder / "cloud.txt", columns="x,y,z,keyframe")
+    with pytest.MonkeyPatch.context() as patch:
+        # Memory for so many points to be sorted, patches to be put in order, points in a tile.
+        room = 2 * large.LEAST
+        patch.setattr(large, "resident", lambda: 100 * 2**20)
+        patch.setattr(large, "SORTED", room // (2 * data.draw(st.integers(1, 300))))
+        patch.setattr(large, "ORDERED", room // (2 * data.draw(st.integers(1, 300))))
+        patch.setattr(large, "COMFORTABLE", data.draw(st.integers(1, 400)))
+        with build_large(
+            recording,
+            parameters_of(stages),
+            100 * 2**20 + room,
+            scratch=folder / "scratch",
+            jobs=jobs,
+        ) as made:
+            write_map(folder / "map.npz", made.surface)
+    assert read_map(folder / "map.npz") == expected
+    assert list((folder / "scratch").iterdir()) == []
+
+
+def in_blocks(points: Points, shift: int) -> PointBlocks:
+    """Return blocks of ``2**shift`` cells of points that came in two runs."""
+    blocks = PointBlocks(CELL, shift=shift)
+    for part in np.array_split(np.arange(points.size), 2):
+        blocks.add(points_at(points, part))
+    return blocks
+
+
+@settings(max_examples=25)
+@given(clouds, stage_lists(limits=False))
+def test_shuffling_and_turning_the_points_shuffles_and_turns_the_map(
+    cloud: Points, stages: tuple[Stage, ...]
+) -> None:
+    parameters = parameters_of(stages)
+    batches = list(in_batches(cloud, [90, 1, 40]))
+    points = together(batches)
+    surface = one_pass(points, parameters, final=True)
+    order = np.random.default_rng(points.size).permutation(points.size)
+    for symmetry in symmetries():
+        expected = renumbered(turned_map(surface, symmetry))
+        shuffled = points_at(turned_points(points, symmetry), order)
+        assert renumbered(one_pass(shuffled, parameters, final=True)) == expected
+        builder = MapBuilder(parameters)
+        for batch in batches:
+            builder.process_cloud(turned_points(batch, symmetry).xyz)
+        assert renumbered(builder.finish()) == expected
+
+
+def renumbered(surface: SurfaceMap) -> SurfaceMap:
+    """Return the map with its regions numbered in the order of the patches that are left."""
+    known = surface.region >= 0
+    _, first, which = np.unique(surface.region[known], return_index=True, return_inverse=True)
+    region = surface.region.copy()
+    region[known] = np.argsort(np.argsort(first))[which]
+    return surface.with_columns(region=region)
+
+
+# --- nothing is left behind ---
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="no /proc tells of open files")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_build_that_is_ended_half_way_leaves_no_file(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    rng = np.random.default_rng(1)
+    write_bag(tmp_path / "flight.bag", [Sent(rng.uniform(0, 60, (100_000, 3)))] * 4)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    command = [sys.executable, "-m", "mlscli", "build", "flight.bag", "--memory", "1G"]
+    command += ["--set", "map.cell_size=0.2", "--scratch", str(scratch)]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+        while not opened_in(scratch, process.pid):
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == (130 if number == signal.SIGINT else -number)
+    assert "Traceback" not in errors
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["flight.bag", "scratch"]
+    assert list(scratch.iterdir()) == []
+
+
+def opened_in(folder: Path, process: int) -> bool:
+    """Tell whether a process has put something into a file in a folder, its name gone or not."""
+    for descriptor in Path(f"/proc/{process}/fd").iterdir():
+        try:
+            if descriptor.readlink().is_relative_to(folder) and descriptor.stat().st_size > 0:
+                return True
+        except OSError:
+            continue
+    return False
