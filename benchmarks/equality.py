@@ -1,0 +1,177 @@
+"""One map however it is cut: ``python -m benchmarks.equality`` (half an hour).
+
+Recorded clouds grow in batches of many sizes, in the order recorded and shuffled, and are made in
+tiles of many sizes by several threads. Looked at on the way and in the end, each is held against
+the map that one pass over the same points makes, patch by patch and bit for bit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+import numpy as np
+
+from mlscli.config import Parameters, load
+from mlscli.io.recording import open_recording
+from mlscli.keyframes import Keyframe, Points, gather
+from mlscli.pipeline.blocks import PointBlocks
+from mlscli.pipeline.builder import MapBuilder
+from mlscli.pipeline.change import difference
+from mlscli.pipeline.pipeline import Pipeline
+from mlscli.pipeline.report import Report
+from mlscli.pipeline.tilewise import in_tiles, joined, tiles_of
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import Float64
+
+TELLO = {"columns": "x,y,z,-,-,-,-,keyframe,cx,cy,cz", "up": "-y"}
+
+
+class Recorded(NamedTuple):
+    """A recording, and cells small enough for gaps to be closed."""
+
+    path: str
+    cell_size: float
+    options: Mapping[str, Any] = {}
+
+    def points(self, data: Path) -> Float64:
+        """Return the points, z up."""
+        keyframes = open_recording(data / self.path, **self.options).keyframes()
+        return np.concatenate([keyframe.points for keyframe in keyframes])
+
+    @property
+    def parameters(self) -> Parameters:
+        """The default ones."""
+        return load(None, [f"map.cell_size={self.cell_size}"])
+
+
+RECORDED = {
+    "Tello": Recorded("sparse/tello_kf_pointData.csv", 0.029, TELLO),
+    "EuRoC, Vicon room": Recorded("sparse/euroc_orb2_MapPoints.txt", 0.12),
+    "EuRoC, machine hall": Recorded("sparse/euroc_orb3_pointcloud.txt", 0.09),
+    "bridge": Recorded("multilevel/als_bridge_samp21.pcd", 1.5),
+    "building": Recorded("multilevel/building_floors_cgal.ply", 0.25),
+}
+SIZES = (20, 52, 80, 300, 1000)
+# How wide tiles are, as a power of two in cells, and by how many threads they are made.
+TILES = ((0, 2), (1, 8), (3, 3), (5, 1))
+LOOKS = 10
+
+
+class Row(NamedTuple):
+    """A map that was made in pieces, beside those of one pass."""
+
+    how: str
+    pieces: int
+    patches: int
+    compared: int
+    differing: int
+    seconds: float
+
+    def cells(self) -> tuple[str, ...]:
+        """Return the row's cells."""
+        return (
+            self.how,
+            f"{self.pieces:,}",
+            f"{self.patches:,}",
+            str(self.compared),
+            f"{self.differing:,}",
+            f"{self.seconds:.1f}",
+        )
+
+
+def part(xyz: Float64, size: int) -> Float64:
+    """Return the points in the square around the middle that holds so many, in their order."""
+    far = np.abs(xyz[:, :2] - np.median(xyz[:, :2], axis=0)).max(axis=1)
+    return xyz[np.sort(np.argsort(far, kind="stable")[:size])]
+
+
+def rows(
+    xyz: Float64, parameters: Parameters, sizes: Sequence[int] = SIZES, looks: int = LOOKS
+) -> Iterator[Row]:
+    """Make a map in batches and in tiles of all sizes."""
+    shuffled = np.random.default_rng(1).permutation(xyz)
+    for order, points in (("as recorded", xyz), ("shuffled", shuffled)):
+        for size in (*sizes, len(xyz)):
+            what = "all" if size == len(xyz) else f"{size:,}"
+            yield grown(f"batches of {what}, {order}", points, size, parameters, looks)
+    for shift, threads in TILES:
+        cells = 2**shift
+        yield tiled(
+            f"tiles of {cells} x {cells} cells, {threads} at a time",
+            xyz,
+            shift,
+            threads,
+            parameters,
+        )
+    yield tiled("one tile", xyz, 0, 1, parameters, most=len(xyz))
+
+
+def grown(how: str, xyz: Float64, size: int, parameters: Parameters, looks: int = LOOKS) -> Row:
+    """Let a map grow in batches of one size, and compare it now and then and in the end."""
+    keyframes = [Keyframe(xyz[begin : begin + size]) for begin in range(0, len(xyz), size)]
+    compared = set(np.linspace(0, len(keyframes), looks + 1).round().astype(int).tolist())
+    builder = MapBuilder(parameters)
+    seconds, differing = 0.0, 0
+    # What changes tell must add up to the map as well.
+    told = builder.surface
+    for number, keyframe in enumerate(keyframes, 1):
+        begin = time.perf_counter()
+        change = builder.process_cloud(keyframe.points)
+        seconds += time.perf_counter() - begin
+        told = change.applied_to(told)
+        if number in compared:
+            expected = one_pass(keyframes[:number], parameters)
+            differing += differ(builder.surface, expected) + differ(told, expected)
+    surface = builder.finish()
+    differing += differ(surface, one_pass(keyframes, parameters))
+    return Row(how, len(keyframes), surface.size, len(compared), differing, seconds)
+
+
+def tiled(
+    how: str, xyz: Float64, shift: int, threads: int, parameters: Parameters, most: int = 0
+) -> Row:
+    """Make a map in tiles of ``2**shift`` cells, or larger ones of so many points at most."""
+    pipeline = Pipeline(parameters, "map", Report())
+    points = gather([Keyframe(xyz)]).points
+    begin = time.perf_counter()
+    blocks = PointBlocks(pipeline.cell_size, shift=shift)
+    blocks.add(points)
+    tiles = tiles_of(blocks, pipeline.reach, most)
+    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, threads)))
+    seconds = time.perf_counter() - begin
+    differing = differ(surface, one_pass([Keyframe(xyz)], parameters))
+    return Row(how, len(tiles), surface.size, 1, differing, seconds)
+
+
+def one_pass(keyframes: Sequence[Keyframe], parameters: Parameters) -> SurfaceMap:
+    """Return what every stage makes of all points at once."""
+    pipeline = Pipeline(parameters, "map", Report())
+    points: Points = gather(keyframes).points
+    return pipeline.finished(pipeline.in_one_pass(points))
+
+
+def differ(one: SurfaceMap, other: SurfaceMap) -> int:
+    """Count the patches that one of two maps has and the other has not."""
+    return sum(part.size for part in difference(one, other))
+
+
+@click.command()
+@click.option("--data", "folder", type=Path, default=Path("../shared/data"), show_default=True)
+@click.argument("names", nargs=-1, type=click.Choice(list(RECORDED)))
+def main(folder: Path, names: tuple[str, ...]) -> None:
+    """Print a table for each recording."""
+    for name in names or RECORDED:
+        xyz = RECORDED[name].points(folder)
+        click.echo(f"\n{name}: {len(xyz):,} points, cells of {RECORDED[name].cell_size}\n")
+        click.echo("| how | pieces | patches | compared | patches that differ | seconds |")
+        click.echo("|:--|--:|--:|--:|--:|--:|")
+        for row in rows(xyz, RECORDED[name].parameters):
+            click.echo(f"| {' | '.join(row.cells())} |")
+
+
+if __name__ == "__main__":
+    main()
