@@ -11,12 +11,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from mlscli.cells import CellSet, Limits
 from mlscli.errors import InputError, UsageError
+from mlscli.file_order import Columns, Keys, ascend, come_before, interleave
+from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Bool, Float64, Int32, Int64, UInt8, UInt32
 
 MEASURED, PLASTERED, ARTIFICIAL = 0, 1, 2
@@ -38,22 +40,6 @@ COLUMNS: Mapping[str, np.dtype[Any]] = {
     "last_keyframe": np.dtype(np.int32),
 }
 STATISTICS = ("top", "bottom", "mean", "variance")
-
-
-class Columns(NamedTuple):
-    """The cells that hold patches, in the file's order, and where their patches begin.
-
-    Attributes
-    ----------
-    ix, iy : int32 (C,)
-        Cell indices, ascending by (ix, iy).
-    start : int64 (C + 1,)
-        The patches of cell c are ``start[c]`` to ``start[c + 1]``.
-    """
-
-    ix: Int32
-    iy: Int32
-    start: Int64
 
 
 def _no_route() -> Float64:
@@ -137,10 +123,12 @@ class SurfaceMap:
     @cached_property
     def cells(self) -> Columns:
         """The occupied cells and where their patches begin."""
-        new = np.ones(self.size, dtype=np.bool_)
-        new[1:] = (self.ix[1:] != self.ix[:-1]) | (self.iy[1:] != self.iy[:-1])
-        first = np.flatnonzero(new)
-        return Columns(self.ix[first], self.iy[first], np.append(first, self.size))
+        return Columns.of(self.ix, self.iy)
+
+    @property
+    def keys(self) -> Keys:
+        """The columns by which patches are sorted."""
+        return Keys(self.ix, self.iy, self.height, self.depth, self.origin, self.count)
 
     # --- parts of a map, and maps put together ---
 
@@ -150,26 +138,52 @@ class SurfaceMap:
 
     def take(self, which: Bool | Int64) -> SurfaceMap:
         """Return the patches that a mask or ascending indices choose."""
-        columns: dict[str, Any] = {name: column[which] for name, column in self.columns.items()}
-        return replace(self, **columns)
+        if which.dtype == np.bool_:
+            if which.all():
+                return self
+            which = np.flatnonzero(which)
+        size = len(which)
+        taken: dict[str, Any] = {name: np.empty(size, dtype) for name, dtype in COLUMNS.items()}
+
+        def take_some(begin: int, end: int) -> None:
+            for name, column in self.columns.items():
+                # Nothing is clipped: a mode that does not raise spares a buffer.
+                column.take(which[begin:end], out=taken[name][begin:end], mode="clip")
+
+        in_ranges(size, take_some, weight=LIGHT)
+        return replace(self, **taken)
 
     def sorted(self) -> SurfaceMap:
         """Return the same patches in the file's order."""
         if self._is_sorted():
             return self
-        keys = (self.count, self.origin, self.depth, self.height, self.iy, self.ix)
-        return self.take(np.lexsort(keys))
+        return self.take(np.lexsort(self.keys[::-1]))
 
     def union(self, other: SurfaceMap) -> SurfaceMap:
         """Return the patches of both, side by side: nothing is merged."""
-        mine, others = self.columns, other.columns
-        both = {name: np.concatenate((mine[name], others[name])) for name in COLUMNS}
-        return self.with_columns(**both)
+        mine, others = self.sorted(), other.sorted()
+        if not others.size:
+            return mine
+        before = come_before(mine.keys, others.keys)
+        size = mine.size + others.size
+        both: dict[str, Any] = {name: np.empty(size, dtype) for name, dtype in COLUMNS.items()}
+
+        def put_together(begin: int, end: int) -> None:
+            for name in list(COLUMNS)[begin:end]:
+                # As bare bytes: fewer kinds of numbers are fewer kernels.
+                bare = f"u{COLUMNS[name].itemsize}"
+                one, two = (getattr(each, name).view(bare) for each in (mine, others))
+                interleave(one, two, before, both[name].view(bare))
+
+        in_ranges(len(COLUMNS), put_together, weight=LIGHT * size)
+        return replace(self, **both)
 
     def with_inserted(
         self, ix: Int32, iy: Int32, height: Float64, depth: Float64, origin: UInt8
     ) -> SurfaceMap:
         """Return the map with patches that nobody measured put in."""
+        if not len(ix):
+            return self
         unmeasured = np.full(len(ix), -1, dtype=np.int32)
         unknown: dict[str, Any] = {name: np.full(len(ix), np.nan) for name in STATISTICS}
         inserted = replace(
@@ -331,10 +345,4 @@ class SurfaceMap:
 
     def _is_sorted(self) -> bool:
         """Tell whether each patch comes after the one before it, by the first key that differs."""
-        undecided = np.ones(max(self.size - 1, 0), dtype=np.bool_)
-        for name in ("ix", "iy", "height", "depth", "origin", "count"):
-            column = getattr(self, name)
-            if np.any(undecided & (column[1:] < column[:-1])):
-                return False
-            undecided &= column[1:] == column[:-1]
-        return True
+        return bool(ascend(self.keys))

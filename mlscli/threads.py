@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 from collections import deque
@@ -15,7 +16,8 @@ Result = TypeVar("Result")
 # A range worth a thread: below, starting one costs more than it saves. No longer, either, so that
 # an uneven load evens out, and an interrupt need not wait.
 WORTHWHILE = 4096
-LIGHT = 16
+# The weight of work that takes some nanoseconds each: only long ranges of it are worth a thread.
+LIGHT = 1 / 16
 
 _thread = threading.local()
 
@@ -25,7 +27,7 @@ def in_ranges(
     work: Callable[[int, int], Result],
     told: Callable[[int], None] | None = None,
     *,
-    light: bool = False,
+    weight: float = 1.0,
 ) -> list[Result]:
     """Call ``work(begin, end)`` on ranges that cover ``range(size)``, and list what they return.
 
@@ -39,10 +41,10 @@ def in_ranges(
         Releases the interpreter's lock, or gains nothing.
     told : callable, optional
         Called with how much of `size` is done, now and then.
-    light : bool
-        Whether the work is so light, some nanoseconds each, that only long ranges are worth it.
+    weight : float
+        How much work each is, of which `WORTHWHILE` are worth a thread; `LIGHT` for the least.
     """
-    pieces = max(1, -(-size // (WORTHWHILE * (LIGHT if light else 1))))
+    pieces = max(1, min(size, math.ceil(size * weight / WORTHWHILE)))
     if pieces == 1:
         result = work(0, size)
         if told is not None:

@@ -14,12 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from mlscli.cells import pack, unpack
+from mlscli.file_order import Columns
 from mlscli.parameters import Cells, Length, comparable, in_units, parameter, whole_cells
-from mlscli.patches import distance, runs, within_gap
+from mlscli.patches import distance
+from mlscli.pipeline.neighbours import is_at, links, onward
+from mlscli.pipeline.ordering import order_by_cell
 from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
-from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt8
+from mlscli.threads import LIGHT, in_ranges
+from mlscli.typing import Bool, Float64, Int32, Int64, UInt8
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,9 @@ class GapStage(MapStage):
 
 
 class Intervals(NamedTuple):
-    """What gaps are sought between: vertical intervals in cells."""
+    """What gaps are sought between: vertical intervals in cells, in the file's order."""
 
-    ix: Int32
-    iy: Int32
+    cells: Columns
     low: Float64
     high: Float64
 
@@ -143,16 +145,18 @@ def close_gaps(
     one at the least distance, then with the least difference of upper ends, then the higher. A gap
     is closed where both of its ends find each other so.
     """
+    cells, low, high = intervals
     certain, allowed = (whole_cells(width, cell_size) for width in widths)
-    along_y = _close_along(*intervals, certain, allowed, cell_size, tolerance)
-    swapped = intervals._replace(ix=intervals.iy, iy=intervals.ix)
-    along_x = _close_along(*swapped, certain, allowed, cell_size, tolerance)
+    others = low, high, certain, allowed, cell_size, tolerance
+    along_y = _close_along(cells.ix, cells.iy, cells.start, *others)
+    along_x = _close_along(cells.iy, cells.ix, cells.start, *others)
     return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
 
 
 def _close_along(
     line: Int32,
     position: Int32,
+    start: Int64,
     low: Float64,
     high: Float64,
     certain: int,
@@ -160,28 +164,28 @@ def _close_along(
     cell_size: float,
     tolerance: Tolerance,
 ) -> Inserted:
-    order = np.lexsort((low, high, position, line))
-    keys = pack(line[order], position[order])
-    start = runs(keys)
-    lines, positions = (index.astype(np.int64) for index in unpack(keys[start[:-1]]))
-    low, high = low[order], high[order]
-    cells = (lines, positions, start, low, high)
-    ahead = _opposite(*cells, allowed + 1, cell_size, *tolerance, 1)
-    back = _opposite(*cells, allowed + 1, cell_size, *tolerance, -1)
-    in_line, at, height, low_end, width = _fill(lines, positions, start, low, high, ahead, back)
-    return Inserted(
-        in_line,
-        at,
-        height,
-        height - low_end,
-        np.where(width <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8),
-    )
+    after, before = links(line)
+
+    def seek(begin: int, end: int) -> Int64:
+        pairs: Int64 = _pairs(
+            begin, end, after, before, position, start, low, high,
+            allowed + 1, cell_size, *tolerance,
+        )  # fmt: skip
+        return pairs
+
+    pairs = np.concatenate(in_ranges(len(line), seek, weight=LIGHT))
+    in_line, at, height, low_end, width = _fill(pairs, line, position, low, high)
+    origin = np.where(width <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8)
+    return Inserted(in_line, at, height, height - low_end, origin)
 
 
 @njit(cache=True, nogil=True)
-def _opposite(
-    line: Int64,
-    position: Int64,
+def _pairs(
+    begin: int,
+    end: int,
+    after: Int64,
+    before: Int64,
+    position: Int32,
     start: Int64,
     low: Float64,
     high: Float64,
@@ -190,62 +194,86 @@ def _opposite(
     slope: float,
     clearance: float,
     trusted: float,
-    step: int,
 ) -> Int64:
-    """Return for each interval the one that it finds along its line; -1: none."""
-    found = np.full(len(low), -1, dtype=np.int64)
-    for cell in range(len(line)):
-        for i in range(start[cell], start[cell + 1]):
-            there = cell + step
-            while 0 <= there < len(line) and line[there] == line[cell] and found[i] < 0:
-                d = abs(position[there] - position[cell])
-                if d > farthest:
-                    break
-                limit = slope * min(d, trusted) * cell_size + clearance
-                least, least_tops = np.inf, np.inf
-                for j in range(start[there], start[there + 1]):
-                    apart = distance(low[i], high[i], low[j], high[j])
-                    tops = abs(high[j] - high[i])
-                    # Upper ends ascend in a cell: of equal candidates the later is the higher.
-                    nearer = apart < least or (apart == least and tops <= least_tops)
-                    if apart <= limit and nearer:
-                        found[i], least, least_tops = j, apart, tops
-                there += step
-    return found
+    """Return the gaps that begin in cells `begin` to `end`: cell and interval of either end."""
+    pairs = np.empty((start[end] - start[begin], 4), dtype=np.int64)
+    n = 0
+    for cell in range(begin, end):
+        for near in range(start[cell], start[cell + 1]):
+            there, far = _opposite(
+                cell, near, after, position, start, low, high,
+                farthest, cell_size, slope, clearance, trusted,
+            )  # fmt: skip
+            if far < 0 or position[there] - position[cell] == 1:
+                continue
+            _, back = _opposite(
+                there, far, before, position, start, low, high,
+                farthest, cell_size, slope, clearance, trusted,
+            )  # fmt: skip
+            if back == near:
+                pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = cell, near, there, far
+                n += 1
+    return pairs[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def _opposite(
+    cell: int,
+    i: int,
+    following: Int64,
+    position: Int32,
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    farthest: int,
+    cell_size: float,
+    slope: float,
+    clearance: float,
+    trusted: float,
+) -> tuple[int, int]:
+    """Return the interval that interval i of a cell finds along its line, and its cell; -1: none.
+
+    Seen from each cell of the line, `following` is the next.
+    """
+    there = following[cell]
+    while there >= 0:
+        d = abs(position[there] - position[cell])
+        if d > farthest:
+            break
+        limit = slope * min(d, trusted) * cell_size + clearance
+        found, least, least_tops = -1, np.inf, np.inf
+        for j in range(start[there], start[there + 1]):
+            apart = distance(low[i], high[i], low[j], high[j])
+            tops = abs(high[j] - high[i])
+            # Upper ends ascend in a cell; of equal ones the first is the shortest.
+            nearer = apart < least or (
+                apart == least
+                and (tops < least_tops or (tops == least_tops and high[j] > high[found]))
+            )
+            if apart <= limit and nearer:
+                found, least, least_tops = j, apart, tops
+        if found >= 0:
+            return there, found
+        there = following[there]
+    return -1, -1
 
 
 @njit(cache=True, nogil=True)
 def _fill(
-    line: Int64,
-    position: Int64,
-    start: Int64,
-    low: Float64,
-    high: Float64,
-    ahead: Int64,
-    back: Int64,
+    pairs: Int64, line: Int32, position: Int32, low: Float64, high: Float64
 ) -> tuple[Int32, Int32, Float64, Float64, Int64]:
-    """Return cells, both ends and gap widths of what fills the gaps found from both ends."""
-    cell_of = np.empty(len(low), dtype=np.int64)
-    for cell in range(len(line)):
-        cell_of[start[cell] : start[cell + 1]] = cell
+    """Return cells, both ends and gap widths of what fills gaps, as `_pairs` tells these."""
     size = 0
-    for near in range(len(low)):
-        far = ahead[near]
-        if far >= 0 and back[far] == near:
-            size += position[cell_of[far]] - position[cell_of[near]] - 1
-    in_line = np.empty(size, dtype=np.int32)
-    at = np.empty(size, dtype=np.int32)
+    for cell, _, there, _ in pairs:
+        size += position[there] - position[cell] - 1
+    in_line, at = np.empty(size, dtype=np.int32), np.empty(size, dtype=np.int32)
+    height, low_end = np.empty(size), np.empty(size)
     width = np.empty(size, dtype=np.int64)
-    height, low_end = np.empty((2, size))
     n = 0
-    for near in range(len(low)):
-        far = ahead[near]
-        if far < 0 or back[far] != near:
-            continue
-        begin = position[cell_of[near]]
-        d = position[cell_of[far]] - begin
+    for cell, near, there, far in pairs:
+        d = position[there] - position[cell]
         for k in range(1, d):
-            in_line[n], at[n], width[n] = line[cell_of[near]], begin + k, d - 1
+            in_line[n], at[n], width[n] = line[cell], position[cell] + k, d - 1
             height[n] = between(high[near], high[far], k, d)
             low_end[n] = between(low[near], low[far], k, d)
             n += 1
@@ -268,39 +296,68 @@ def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = Non
     depth), then going down the next that is more than `gap_size` below the last that stayed: the
     highest is the nearest obstacle to a craft above.
     """
-    order = np.lexsort(
-        (-inserted.depth, inserted.origin, -inserted.height, inserted.iy, inserted.ix)
-    )
+    gap_size = surface.gap_size
+    order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
     inserted = inserted.take(order)
-    for there in (surface, holes):
-        if there is not None:
-            inserted = inserted.take(~_near(inserted, there, surface.gap_size))
-    keys = pack(inserted.ix, inserted.iy)
-    return inserted.take(_from_above(keys, inserted.low_end, inserted.height, surface.gap_size))
-
-
-def _near(inserted: Inserted, there: Inserted | SurfaceMap, gap_size: float) -> Bool:
-    keys = pack(there.ix, there.iy)
-    start = runs(keys)
-    near: Bool = within_gap(
-        pack(inserted.ix, inserted.iy),
-        inserted.low_end,
-        inserted.height,
-        keys[start[:-1]],
-        start,
-        there.low_end,
-        there.height,
-        gap_size,
-    )
-    return near
+    cells, low, high = Columns.of(inserted.ix, inserted.iy), inserted.low_end, inserted.height
+    stays = np.ones(len(high), dtype=np.bool_)
+    _keep_apart(*cells, low, high, *surface.cells, surface.low_end, surface.height, gap_size, stays)
+    if holes is not None:
+        there = Columns.of(holes.ix, holes.iy)
+        _keep_apart(*cells, low, high, *there, holes.low_end, holes.height, gap_size, stays)
+    _choose_from_above(cells.start, low, *inserted[2:], gap_size, stays)
+    return inserted.take(stays)
 
 
 @njit(cache=True, nogil=True)
-def _from_above(keys: Array, low: Float64, high: Float64, gap_size: float) -> Bool:
-    stays = np.zeros(len(keys), dtype=np.bool_)
-    last = 0
-    for i in range(len(keys)):
-        if i == 0 or keys[i] != keys[last] or low[last] - high[i] > gap_size:
-            stays[i] = True
-            last = i
-    return stays
+def _keep_apart(
+    ix: Int32,
+    iy: Int32,
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    other_ix: Int32,
+    other_iy: Int32,
+    other_start: Int64,
+    other_low: Float64,
+    other_high: Float64,
+    gap_size: float,
+    stays: Bool,
+) -> None:
+    """Let nothing stay within `gap_size` of one of the others in its cell."""
+    there = 0
+    for cell in range(len(ix)):
+        there = onward(other_ix, other_iy, there, ix[cell], iy[cell])
+        if not is_at(other_ix, other_iy, there, ix[cell], iy[cell]):
+            continue
+        for i in range(start[cell], start[cell + 1]):
+            for j in range(other_start[there], other_start[there + 1]):
+                if distance(low[i], high[i], other_low[j], other_high[j]) <= gap_size:
+                    stays[i] = False
+
+
+@njit(cache=True, nogil=True)
+def _choose_from_above(
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    depth: Float64,
+    origin: UInt8,
+    gap_size: float,
+    stays: Bool,
+) -> None:
+    """Let the highest of each cell stay, and what is more than `gap_size` below the last."""
+    for cell in range(len(start) - 1):
+        last = -1
+        for i in range(start[cell + 1] - 1, start[cell] - 1, -1):
+            if not stays[i]:
+                continue
+            if last < 0 or low[last] - high[i] > gap_size:
+                last = i
+            elif high[i] == high[last] and (
+                origin[i] < origin[last] or (origin[i] == origin[last] and depth[i] > depth[last])
+            ):
+                stays[last] = False
+                last = i
+            else:
+                stays[i] = False

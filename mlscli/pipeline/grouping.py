@@ -13,7 +13,7 @@ from mlscli.keyframes import Points
 from mlscli.patches import upright
 from mlscli.pipeline.ordering import cells_of, order_by_cell
 from mlscli.surface_map import SurfaceMap
-from mlscli.threads import in_ranges
+from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Float64, Int32, Int64, UInt32
 
 
@@ -42,7 +42,7 @@ def group(points: Points, cell_size: float, gap_size: float, thickness: float) -
             top, bottom, mean, variance, count, first, last,
         )  # fmt: skip
 
-    in_ranges(groups, summarise_groups, light=True)
+    in_ranges(groups, summarise_groups, weight=LIGHT)
     height, depth = upright(top, bottom, mean, variance, thickness)
     one_of_each = order[start[:-1]]
     return SurfaceMap(

@@ -7,6 +7,11 @@ from numba import njit
 
 from mlscli.typing import Float64, Int32, Int64
 
+Index = int | np.int64
+
+# So many lines for each cell are worth a table of them all.
+_DENSE = 4
+
 
 @njit(cache=True, nogil=True)
 def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
@@ -18,11 +23,37 @@ def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
     there = 0
     for cell in range(len(ix)):
         x, y = np.int64(ix[cell]) + dx, np.int64(iy[cell]) + dy
-        while there < len(ix) and (ix[there] < x or (ix[there] == x and iy[there] < y)):
-            there += 1
-        if there < len(ix) and ix[there] == x and iy[there] == y:
+        there = onward(ix, iy, there, x, y)
+        if is_at(ix, iy, there, x, y):
             found[cell] = there
     return found
+
+
+@njit(cache=True, nogil=True)
+def is_at(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> bool:
+    """Tell whether a cell, which may be none, is the one at (x, y)."""
+    return bool(0 <= cell < len(ix) and ix[cell] == x and iy[cell] == y)
+
+
+@njit(cache=True, nogil=True)
+def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
+    """Return the first cell, from one on, that does not come before (x, y)."""
+    while cell < len(ix) and (ix[cell] < x or (ix[cell] == x and iy[cell] < y)):
+        cell += 1
+    return cell
+
+
+@njit(cache=True, nogil=True)
+def place(ix: Int32, iy: Int32, x: Index, y: Index) -> int:
+    """Return the first cell of all that does not come before (x, y)."""
+    begin, end = 0, len(ix)
+    while begin < end:
+        middle = (begin + end) // 2
+        if ix[middle] < x or (ix[middle] == x and iy[middle] < y):
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
 
 
 @njit(cache=True, nogil=True)
@@ -45,3 +76,34 @@ def nearest_in(begin: int, end: int, height: Float64, z: float) -> int:
         if nearest < 0 or abs(height[j] - z) <= abs(height[nearest] - z):
             nearest = j
     return nearest
+
+
+def links(line: Int32) -> tuple[Int64, Int64]:
+    """Return for each cell the next one of its line and the one before; -1: none.
+
+    Parameters
+    ----------
+    line : int32 (C,)
+        In which line of the grid each cell lies: its `ix` or its `iy`. The cells of a line come in
+        order.
+    """
+    least, greatest = int(line.min(initial=0)), int(line.max(initial=0))
+    if greatest - least > _DENSE * len(line):
+        # Far apart: lines that hold no cell are not counted.
+        line = np.unique(line, return_inverse=True)[1].astype(np.int32)
+        least, greatest = 0, len(line)
+    after, before = _links(line, least, greatest - least + 1)
+    return after, before
+
+
+@njit(cache=True, nogil=True)
+def _links(line: Int32, least: int, lines: int) -> tuple[Int64, Int64]:
+    after, before = np.empty(len(line), dtype=np.int64), np.empty(len(line), dtype=np.int64)
+    last = np.full(lines, -1, dtype=np.int64)
+    for cell in range(len(line)):
+        number = line[cell] - least
+        before[cell], after[cell] = last[number], -1
+        if last[number] >= 0:
+            after[last[number]] = cell
+        last[number] = cell
+    return after, before

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mlscli.threads import in_ranges
+from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Array, Float64, Int32, Int64, UInt64
 
 # Bits that a pass sorts by: more buckets would not stay in the nearest cache.
@@ -46,7 +46,7 @@ def cells_of(xyz: Float64, size: float) -> tuple[Int32, Int32]:
     in_ranges(
         len(xyz),
         lambda begin, end: _locate(xyz[begin:end], size, ix[begin:end], iy[begin:end]),
-        light=True,
+        weight=LIGHT,
     )
     return ix, iy
 
@@ -62,7 +62,7 @@ def order_by_cell(ix: Int32, iy: Int32, z: Float64) -> Ordered:
     in_ranges(
         len(start) - 1,
         lambda begin, end: _ascend(start[begin : end + 1], order, z, heights),
-        light=True,
+        weight=LIGHT,
     )
     return Ordered(order, start, heights)
 

@@ -15,8 +15,10 @@ from numba import njit
 
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.patches import distance
+from mlscli.pipeline.neighbours import onward, place
 from mlscli.pipeline.stage import MapStage
 from mlscli.surface_map import SurfaceMap
+from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Bool, Float64, Int32, Int64
 
 
@@ -40,23 +42,25 @@ class Orphans(MapStage):
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map without its orphans."""
+        cells, half_y = surface.cells, self.reach(surface.cell_size)
         # A box need not be wider than the map.
-        columns = surface.cells.ix.astype(np.int64)
-        widest = int(columns[-1] - columns[0]) if len(columns) else 0
-        stays = _with_neighbours(
-            *surface.cells,
-            surface.low_end,
-            surface.height,
-            min(self.reach(surface.cell_size), widest),
-            self.reach(surface.cell_size),
-            in_units(self.vertical, surface.cell_size),
-            self.min_neighbours,
-        )
+        half_x = min(half_y, int(cells.ix[-1]) - int(cells.ix[0])) if len(cells.ix) else 0
+        vertical = in_units(self.vertical, surface.cell_size)
+        low, high, stays = surface.low_end, surface.height, np.empty(surface.size, dtype=np.bool_)
+
+        def look_around(begin: int, end: int) -> None:
+            _look_around(
+                begin, end, *cells, low, high, half_x, half_y, vertical, self.min_neighbours, stays
+            )
+
+        in_ranges(len(cells.ix), look_around, weight=LIGHT)
         return surface.take(stays)
 
 
 @njit(cache=True, nogil=True)
-def _with_neighbours(
+def _look_around(
+    begin: int,
+    end: int,
     ix: Int32,
     iy: Int32,
     start: Int64,
@@ -66,33 +70,34 @@ def _with_neighbours(
     half_y: int,
     vertical: float,
     min_neighbours: int,
-) -> Bool:
-    """Tell which patches have enough others in their box."""
-    stays = np.zeros(len(low), dtype=np.bool_)
-    # For each column of the box, its first cell: it only moves on, as the cells are in order.
-    first = np.zeros(2 * half_x + 1, dtype=np.int64)
-    for cell in range(len(ix)):
-        for column in range(2 * half_x + 1):
-            x = np.int64(ix[cell]) + column - half_x
-            y = np.int64(iy[cell]) - half_y
-            at = first[column]
-            while at < len(ix) and (ix[at] < x or (ix[at] == x and iy[at] < y)):
-                at += 1
-            first[column] = at
+    stays: Bool,
+) -> None:
+    """Tell which patches of cells `begin` to `end` have enough others in their box."""
+    columns = 2 * half_x + 1
+    # For each column of the box, a cell that is not beyond its first: it only moves on, as the
+    # cells are in order.
+    first = np.full(columns, -1, dtype=np.int64)
+    for cell in range(begin, end):
+        lowest, highest = np.int64(iy[cell]) - half_y, np.int64(iy[cell]) + half_y
         for i in range(start[cell], start[cell + 1]):
             neighbours = -1  # The patch itself lies in its box, too.
-            for column in range(2 * half_x + 1):
+            # The patch's own column comes first, which mostly suffices.
+            for column in range(half_x, half_x + columns):
+                if neighbours >= min_neighbours:
+                    break
+                column %= columns
                 x = np.int64(ix[cell]) + column - half_x
-                there = first[column]
+                if first[column] < 0:
+                    first[column] = place(ix, iy, x, lowest)
+                there = onward(ix, iy, first[column], x, lowest)
+                first[column] = there
                 while (
                     neighbours < min_neighbours
                     and there < len(ix)
                     and ix[there] == x
-                    and iy[there] <= np.int64(iy[cell]) + half_y
+                    and iy[there] <= highest
                 ):
                     for j in range(start[there], start[there + 1]):
-                        if distance(low[i], high[i], low[j], high[j]) <= vertical:
-                            neighbours += 1
+                        neighbours += distance(low[i], high[i], low[j], high[j]) <= vertical
                     there += 1
             stays[i] = neighbours >= min_neighbours
-    return stays

@@ -54,7 +54,7 @@ class Plaster(GapStage):
             in_units(self.slope_reach, cell_size) / cell_size or np.inf,
         )
         for widths in self.passes():
-            heights = Intervals(surface.ix, surface.iy, surface.height, surface.height)
+            heights = Intervals(surface.cells, surface.height, surface.height)
             closing = close_gaps(heights, widths, cell_size, tolerance)
             surface = surface.with_inserted(*settle(closing, surface))
         return surface

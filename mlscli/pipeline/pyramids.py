@@ -23,9 +23,10 @@ from numba import njit
 
 from mlscli.parameters import Length, comparable, in_units, parameter
 from mlscli.patches import distance
-from mlscli.pipeline.neighbours import beside, nearest_in
+from mlscli.pipeline.neighbours import is_at, nearest_in, onward, place
 from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import SurfaceMap
+from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Bool, Float64, Int32, Int64
 
 
@@ -71,20 +72,25 @@ class Pyramids(MapStage):
         limit = surface.gap_size
         if self.max_height is not None:
             limit = min(limit, in_units(self.max_height, surface.cell_size))
-        height, depth, stays = _lowered(
-            *surface.cells,
-            surface.height,
-            surface.depth,
-            surface.gap_size,
-            self.height_factor_thresh,
-            limit,
-            self.pits,
-        )
+        height, depth = surface.height.copy(), surface.depth.copy()
+        stays = np.ones(surface.size, dtype=np.bool_)
+
+        def lower(begin: int, end: int) -> bool:
+            return _lower(
+                begin, end, *surface.cells, surface.height, surface.depth,
+                surface.gap_size, self.height_factor_thresh, limit, self.pits,
+                height, depth, stays,
+            )  # fmt: skip
+
+        if not any(in_ranges(len(surface.cells.ix), lower, weight=LIGHT)):
+            return surface
         return surface.with_columns(height=height, depth=depth).take(stays)
 
 
 @njit(cache=True, nogil=True)
-def _lowered(
+def _lower(
+    begin: int,
+    end: int,
     ix: Int32,
     iy: Int32,
     start: Int64,
@@ -94,22 +100,33 @@ def _lowered(
     factor: float,
     max_height: float,
     pits: bool,
-) -> tuple[Float64, Float64, Bool]:
-    """Return the new heights and depths, and which patches stay."""
-    new_height, new_depth = height.copy(), depth.copy()
-    stays = np.ones(len(height), dtype=np.bool_)
-    four = beside(ix, iy)
-    for cell in range(len(ix)):
-        if four[cell].min() < 0:
+    new_height: Float64,
+    new_depth: Float64,
+    stays: Bool,
+) -> bool:
+    """Note new heights and depths in cells `begin` to `end`, and what stays; tell if any is new."""
+    moved = False
+    left = right = -1
+    for cell in range(begin, end):
+        x, y = np.int64(ix[cell]), np.int64(iy[cell])
+        if cell == begin:
+            left, right = place(ix, iy, x - 1, y), place(ix, iy, x + 1, y)
+        left, right = onward(ix, iy, left, x - 1, y), onward(ix, iy, right, x + 1, y)
+        if not (
+            is_at(ix, iy, left, x - 1, y)
+            and is_at(ix, iy, right, x + 1, y)
+            and is_at(ix, iy, cell - 1, x, y - 1)
+            and is_at(ix, iy, cell + 1, x, y + 1)
+        ):
             continue
-        begin, end = start[cell], start[cell + 1]
-        for i in range(begin, end):
+        bottom, top = start[cell], start[cell + 1]
+        for i in range(bottom, top):
             low_end = height[i] - depth[i]
-            if _meets_another(i, begin, end, low_end, height[i], height, depth, gap_size):
+            if _meets_another(i, bottom, top, low_end, height[i], height, depth, gap_size):
                 continue
             neighbours = 0
             high, low = -np.inf, np.inf
-            for there in four[cell]:
+            for there in (left, right, cell - 1, cell + 1):
                 j = nearest_in(start[there], start[there + 1], height, height[i])
                 if abs(height[j] - height[i]) <= max_height:
                     neighbours += 1
@@ -124,9 +141,10 @@ def _lowered(
                 continue
             low_end = new_height[i] - new_depth[i]
             stays[i] = not _meets_another(
-                i, begin, end, low_end, new_height[i], height, depth, gap_size
+                i, bottom, top, low_end, new_height[i], height, depth, gap_size
             )
-    return new_height, new_depth, stays
+            moved = True
+    return moved
 
 
 @njit(cache=True, nogil=True)

@@ -24,6 +24,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
+from mlscli.file_order import Columns
 from mlscli.parameters import Length, in_units, parameter
 from mlscli.pipeline.gaps import (
     GapStage,
@@ -34,8 +35,9 @@ from mlscli.pipeline.gaps import (
     close_gaps,
     settle,
 )
-from mlscli.pipeline.neighbours import shifted
+from mlscli.pipeline.neighbours import onward, place
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
+from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Float64, Int32, Int64
 
 
@@ -62,63 +64,90 @@ class Walls(GapStage):
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the gaps in its walls closed."""
         cell_size = surface.cell_size
+        if not (surface.depth > 0).any():
+            return surface
         for widths in self.passes():
-            upright = surface.take(surface.depth > 0)
-            intervals = Intervals(upright.ix, upright.iy, upright.low_end, upright.height)
+            upright = np.flatnonzero(surface.depth > 0)
+            cells = Columns.of(surface.ix[upright], surface.iy[upright])
+            intervals = Intervals(cells, surface.low_end[upright], surface.height[upright])
             columns = close_gaps(intervals, widths, cell_size, Tolerance(self.height_thresh))
-            holes = fill_holes(surface, widths)
+            holes = fill_holes(surface, upright, widths)
             surface = surface.with_inserted(*settle(columns, surface, holes).union(holes))
         farthest = min(in_units(self.join, cell_size), surface.gap_size)
         return drawn_out(surface, farthest) if farthest > 0 else surface
 
 
-def fill_holes(surface: SurfaceMap, widths: Widths) -> Inserted:
+def fill_holes(surface: SurfaceMap, upright: Int64, widths: Widths) -> Inserted:
     """Return what fills the holes between successive vertical patches of one cell."""
     certain, allowed = (in_units(width, surface.cell_size) for width in widths)
-    low, high, upright = surface.low_end, surface.height, surface.depth > 0
-    same_cell = (surface.ix[1:] == surface.ix[:-1]) & (surface.iy[1:] == surface.iy[:-1])
-    space = low[1:] - high[:-1]
-    hole = same_cell & upright[1:] & upright[:-1]
-    hole &= (space > surface.gap_size) & (space <= allowed)
+    lower, upper = upright[:-1], upright[1:]
+    space = surface.low_end[upper] - surface.height[lower]
+    hole = (upper == lower + 1) & (space > surface.gap_size) & (space <= allowed)
+    hole &= (surface.ix[lower] == surface.ix[upper]) & (surface.iy[lower] == surface.iy[upper])
+    upper, space = upper[hole], space[hole]
     return Inserted(
-        surface.ix[1:][hole],
-        surface.iy[1:][hole],
-        low[1:][hole],
-        space[hole],
-        np.where(space <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8)[hole],
+        surface.ix[upper],
+        surface.iy[upper],
+        surface.low_end[upper],
+        space,
+        np.where(space <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8),
     )
 
 
 def drawn_out(surface: SurfaceMap, farthest: float) -> SurfaceMap:
     """Return the map with the ends of its walls moved outwards to those of the patches around."""
-    foot, top = _ends_around(*surface.cells, surface.low_end, surface.height, farthest)
-    upright = surface.depth > 0
-    foot = np.where(upright, foot, surface.low_end)
-    top = np.where(upright, top, surface.height)
-    same_cell = (surface.ix[1:] == surface.ix[:-1]) & (surface.iy[1:] == surface.iy[:-1])
-    meeting = np.flatnonzero(same_cell & (foot[1:] - top[:-1] <= surface.gap_size))
-    top[meeting], foot[meeting + 1] = surface.height[meeting], surface.low_end[meeting + 1]
-    moved = (foot < surface.low_end) | (top > surface.height)
+    low, foot, top = surface.low_end, surface.low_end, surface.height.copy()
+
+    def draw(begin: int, end: int) -> None:
+        _draw_out(
+            begin, end, *surface.cells, low, surface.height, surface.depth,
+            farthest, surface.gap_size, foot, top,
+        )  # fmt: skip
+
+    in_ranges(len(surface.cells.ix), draw, weight=LIGHT)
+    moved = (foot < low) | (top > surface.height)
+    if not moved.any():
+        return surface
     return surface.with_columns(height=top, depth=np.where(moved, top - foot, surface.depth))
 
 
 @njit(cache=True, nogil=True)
-def _ends_around(
-    ix: Int32, iy: Int32, start: Int64, low: Float64, high: Float64, farthest: float
-) -> tuple[Float64, Float64]:
-    """Return for each patch the lowest and the highest end around, no farther off than allowed."""
-    foot, top = low.copy(), high.copy()
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
-            around = shifted(ix, iy, dx, dy)
-            for cell in range(len(ix)):
-                there = around[cell]
-                if there < 0 or there == cell:
-                    continue
-                for i in range(start[cell], start[cell + 1]):
+def _draw_out(
+    begin: int,
+    end: int,
+    ix: Int32,
+    iy: Int32,
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    depth: Float64,
+    farthest: float,
+    gap_size: float,
+    foot: Float64,
+    top: Float64,
+) -> None:
+    """Move the ends of vertical patches in cells `begin` to `end`, in `foot` and `top`."""
+    first = np.full(3, -1, dtype=np.int64)
+    for cell in range(begin, end):
+        x, y = np.int64(ix[cell]), np.int64(iy[cell])
+        reached = -np.inf
+        for i in range(start[cell], start[cell + 1]):
+            lowest, highest = low[i], high[i]
+            for column in range(3 if depth[i] > 0 else 0):
+                # The cells of a column follow each other: what comes before them only moves on.
+                if first[column] < 0:
+                    first[column] = place(ix, iy, x + column - 1, y - 1)
+                there = onward(ix, iy, first[column], x + column - 1, y - 1)
+                first[column] = there
+                while there < len(ix) and ix[there] == x + column - 1 and iy[there] <= y + 1:
                     for j in range(start[there], start[there + 1]):
-                        if low[i] - low[j] <= farthest:
-                            foot[i] = min(foot[i], low[j])
-                        if high[j] - high[i] <= farthest:
-                            top[i] = max(top[i], high[j])
-    return foot, top
+                        if there != cell and low[i] - low[j] <= farthest:
+                            lowest = min(lowest, low[j])
+                        if there != cell and high[j] - high[i] <= farthest:
+                            highest = max(highest, high[j])
+                    there += 1
+            foot[i], top[i] = lowest, highest
+            # Two ends that would meet stay.
+            if i > start[cell] and lowest - reached <= gap_size:
+                foot[i], top[i - 1] = low[i], high[i - 1]
+            reached = highest
