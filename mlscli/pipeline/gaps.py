@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -124,20 +125,29 @@ class Tolerance(NamedTuple):
 
     Attributes
     ----------
+    cell_size : float
     slope : float
     clearance : float
     trusted : float
         The number of cells beyond which the slope counts no more.
     """
 
+    cell_size: float
     slope: float
     clearance: float = 0.0
     trusted: float = np.inf
 
 
-def close_gaps(
-    intervals: Intervals, widths: Widths, cell_size: float, tolerance: Tolerance
-) -> Inserted:
+class _Lines(NamedTuple):
+    """Cells along lines: the line and the place of each, the next and the one before (-1: none)."""
+
+    line: Int32
+    position: Int32
+    after: Int32
+    before: Int32
+
+
+def close_gaps(intervals: Intervals, widths: Widths, tolerance: Tolerance) -> Inserted:
     """Return what closes the gaps along x and along y.
 
     From each interval one looks along a line at distances d = 1, 2, ... cells. Those there that
@@ -145,36 +155,31 @@ def close_gaps(
     one at the least distance, then with the least difference of upper ends, then the higher. A gap
     is closed where both of its ends find each other so.
     """
-    cells, low, high = intervals
-    certain, allowed = (whole_cells(width, cell_size) for width in widths)
-    others = low, high, certain, allowed, cell_size, tolerance
-    along_y = _close_along(cells.ix, cells.iy, cells.start, *others)
-    along_x = _close_along(cells.iy, cells.ix, cells.start, *others)
+    ix, iy, _ = intervals.cells
+    certain, allowed = (whole_cells(width, tolerance.cell_size) for width in widths)
+
+    def link(begin: int, end: int) -> list[tuple[Int32, Int32]]:
+        return [links(line) for line in (ix, iy)[begin:end]]
+
+    of_columns, of_rows = chain.from_iterable(in_ranges(2, link, weight=LIGHT * len(ix)))
+    along_y, along_x = (
+        _close_along(lines, intervals, certain, allowed, tolerance)
+        for lines in (_Lines(ix, iy, *of_columns), _Lines(iy, ix, *of_rows))
+    )
     return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
 
 
 def _close_along(
-    line: Int32,
-    position: Int32,
-    start: Int64,
-    low: Float64,
-    high: Float64,
-    certain: int,
-    allowed: int,
-    cell_size: float,
-    tolerance: Tolerance,
+    lines: _Lines, intervals: Intervals, certain: int, allowed: int, tolerance: Tolerance
 ) -> Inserted:
-    after, before = links(line)
+    ends = intervals.cells.start, intervals.low, intervals.high
 
     def seek(begin: int, end: int) -> Int64:
-        pairs: Int64 = _pairs(
-            begin, end, after, before, position, start, low, high,
-            allowed + 1, cell_size, *tolerance,
-        )  # fmt: skip
+        pairs: Int64 = _pairs(begin, end, lines, *ends, allowed + 1, tolerance)
         return pairs
 
-    pairs = np.concatenate(in_ranges(len(line), seek, weight=LIGHT))
-    in_line, at, height, low_end, width = _fill(pairs, line, position, low, high)
+    pairs = np.concatenate(in_ranges(len(lines.line), seek, weight=LIGHT))
+    in_line, at, height, low_end, width = _fill(pairs, lines, *ends[1:])
     origin = np.where(width <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8)
     return Inserted(in_line, at, height, height - low_end, origin)
 
@@ -183,33 +188,38 @@ def _close_along(
 def _pairs(
     begin: int,
     end: int,
-    after: Int64,
-    before: Int64,
-    position: Int32,
+    lines: _Lines,
     start: Int64,
     low: Float64,
     high: Float64,
     farthest: int,
-    cell_size: float,
-    slope: float,
-    clearance: float,
-    trusted: float,
+    tolerance: Tolerance,
 ) -> Int64:
     """Return the gaps that begin in cells `begin` to `end`: cell and interval of either end."""
+    position, after, before = lines.position, lines.after, lines.before
     pairs = np.empty((start[end] - start[begin], 4), dtype=np.int64)
     n = 0
+    step = _limit(tolerance, 1)
     for cell in range(begin, end):
+        there = after[cell]
+        if there < 0 or position[there] - position[cell] > farthest:
+            continue
+        beside = range(start[there], start[there + 1])
+        if position[there] - position[cell] > 1:
+            beside = range(0)
         for near in range(start[cell], start[cell + 1]):
-            there, far = _opposite(
-                cell, near, after, position, start, low, high,
-                farthest, cell_size, slope, clearance, trusted,
-            )  # fmt: skip
-            if far < 0 or position[there] - position[cell] == 1:
+            # Mostly the next cell has a candidate: no gap, which is told without a search.
+            gap = True
+            for j in beside:
+                gap &= distance(low[near], high[near], low[j], high[j]) > step
+            if not gap:
                 continue
-            _, back = _opposite(
-                there, far, before, position, start, low, high,
-                farthest, cell_size, slope, clearance, trusted,
-            )  # fmt: skip
+            there, far = _opposite(
+                cell, near, after, position, start, low, high, farthest, tolerance
+            )
+            if far < 0:
+                continue
+            _, back = _opposite(there, far, before, position, start, low, high, farthest, tolerance)
             if back == near:
                 pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = cell, near, there, far
                 n += 1
@@ -217,40 +227,43 @@ def _pairs(
 
 
 @njit(cache=True, nogil=True)
+def _limit(tolerance: Tolerance, d: int) -> float:
+    """Return how far apart two intervals may be, d cells from each other."""
+    reach = min(d, tolerance.trusted)
+    return tolerance.slope * reach * tolerance.cell_size + tolerance.clearance
+
+
+@njit(cache=True, nogil=True)
 def _opposite(
     cell: int,
     i: int,
-    following: Int64,
+    following: Int32,
     position: Int32,
     start: Int64,
     low: Float64,
     high: Float64,
     farthest: int,
-    cell_size: float,
-    slope: float,
-    clearance: float,
-    trusted: float,
+    tolerance: Tolerance,
 ) -> tuple[int, int]:
-    """Return the interval that interval i of a cell finds along its line, and its cell; -1: none.
+    """Return the interval that interval i of a cell finds along its line, after its cell; -1: none.
 
-    Seen from each cell of the line, `following` is the next.
+    The cells of a line follow each other as `following` tells, in either direction.
     """
     there = following[cell]
     while there >= 0:
         d = abs(position[there] - position[cell])
         if d > farthest:
             break
-        limit = slope * min(d, trusted) * cell_size + clearance
+        limit = _limit(tolerance, d)
         found, least, least_tops = -1, np.inf, np.inf
         for j in range(start[there], start[there + 1]):
             apart = distance(low[i], high[i], low[j], high[j])
+            if apart > limit or apart > least:
+                continue
             tops = abs(high[j] - high[i])
             # Upper ends ascend in a cell; of equal ones the first is the shortest.
-            nearer = apart < least or (
-                apart == least
-                and (tops < least_tops or (tops == least_tops and high[j] > high[found]))
-            )
-            if apart <= limit and nearer:
+            higher = tops == least_tops and high[j] > high[found]
+            if apart < least or tops < least_tops or higher:
                 found, least, least_tops = j, apart, tops
         if found >= 0:
             return there, found
@@ -260,9 +273,10 @@ def _opposite(
 
 @njit(cache=True, nogil=True)
 def _fill(
-    pairs: Int64, line: Int32, position: Int32, low: Float64, high: Float64
+    pairs: Int64, lines: _Lines, low: Float64, high: Float64
 ) -> tuple[Int32, Int32, Float64, Float64, Int64]:
     """Return cells, both ends and gap widths of what fills gaps, as `_pairs` tells these."""
+    line, position = lines.line, lines.position
     size = 0
     for cell, _, there, _ in pairs:
         size += position[there] - position[cell] - 1

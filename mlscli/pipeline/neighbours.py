@@ -78,7 +78,7 @@ def nearest_in(begin: int, end: int, height: Float64, z: float) -> int:
     return nearest
 
 
-def links(line: Int32) -> tuple[Int64, Int64]:
+def links(line: Int32) -> tuple[Int32, Int32]:
     """Return for each cell the next one of its line and the one before; -1: none.
 
     Parameters
@@ -97,9 +97,10 @@ def links(line: Int32) -> tuple[Int64, Int64]:
 
 
 @njit(cache=True, nogil=True)
-def _links(line: Int32, least: int, lines: int) -> tuple[Int64, Int64]:
-    after, before = np.empty(len(line), dtype=np.int64), np.empty(len(line), dtype=np.int64)
-    last = np.full(lines, -1, dtype=np.int64)
+def _links(line: Int32, least: int, lines: int) -> tuple[Int32, Int32]:
+    # No cell needs more than 4 bytes for its number but in maps that fill 100 GB.
+    after, before = np.empty(len(line), dtype=np.int32), np.empty(len(line), dtype=np.int32)
+    last = np.full(lines, -1, dtype=np.int32)
     for cell in range(len(line)):
         number = line[cell] - least
         before[cell], after[cell] = last[number], -1

@@ -49,12 +49,13 @@ class Plaster(GapStage):
         """Return the map with its gaps closed."""
         cell_size = surface.cell_size
         tolerance = Tolerance(
+            cell_size,
             self.height_thresh,
             in_units(self.height_clearance, cell_size),
             in_units(self.slope_reach, cell_size) / cell_size or np.inf,
         )
         for widths in self.passes():
             heights = Intervals(surface.cells, surface.height, surface.height)
-            closing = close_gaps(heights, widths, cell_size, tolerance)
+            closing = close_gaps(heights, widths, tolerance)
             surface = surface.with_inserted(*settle(closing, surface))
         return surface

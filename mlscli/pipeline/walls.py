@@ -70,7 +70,7 @@ class Walls(GapStage):
             upright = np.flatnonzero(surface.depth > 0)
             cells = Columns.of(surface.ix[upright], surface.iy[upright])
             intervals = Intervals(cells, surface.low_end[upright], surface.height[upright])
-            columns = close_gaps(intervals, widths, cell_size, Tolerance(self.height_thresh))
+            columns = close_gaps(intervals, widths, Tolerance(cell_size, self.height_thresh))
             holes = fill_holes(surface, upright, widths)
             surface = surface.with_inserted(*settle(columns, surface, holes).union(holes))
         farthest = min(in_units(self.join, cell_size), surface.gap_size)
