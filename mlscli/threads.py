@@ -7,7 +7,8 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
+from functools import cache
 from itertools import pairwise
 from typing import TypeVar
 
@@ -53,9 +54,9 @@ def in_ranges(
     bounds = [size * piece // pieces for piece in range(pieces + 1)]
     if (stopping := getattr(_thread, "stopping", None)) is not None:
         return [work(*ends) for ends in pairwise(bounds) if not _stop(stopping)]
-    pool = ThreadPoolExecutor(min(processors(), pieces))
+    pool = _pool(processors())
+    futures = [pool.submit(work, *ends) for ends in pairwise(bounds)]
     try:
-        futures = [pool.submit(work, *ends) for ends in pairwise(bounds)]
         results = []
         for future, done in zip(futures, bounds[1:], strict=True):
             results.append(future.result())
@@ -63,7 +64,15 @@ def in_ranges(
                 told(done)
         return results
     finally:
-        pool.shutdown(cancel_futures=True)
+        for future in futures:
+            future.cancel()
+        wait(futures)
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Return threads that stay: to start them takes as long as many a stage."""
+    return ThreadPoolExecutor(threads)
 
 
 def in_turn(calls: Iterable[Callable[[], Result]], threads: int) -> Iterator[Result]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -157,14 +156,9 @@ def close_gaps(intervals: Intervals, widths: Widths, tolerance: Tolerance) -> In
     """
     ix, iy, _ = intervals.cells
     certain, allowed = (whole_cells(width, tolerance.cell_size) for width in widths)
-
-    def link(begin: int, end: int) -> list[tuple[Int32, Int32]]:
-        return [links(line) for line in (ix, iy)[begin:end]]
-
-    of_columns, of_rows = chain.from_iterable(in_ranges(2, link, weight=LIGHT * len(ix)))
     along_y, along_x = (
         _close_along(lines, intervals, certain, allowed, tolerance)
-        for lines in (_Lines(ix, iy, *of_columns), _Lines(iy, ix, *of_rows))
+        for lines in (_Lines(ix, iy, *links(ix)), _Lines(iy, ix, *links(iy)))
     )
     return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
 

@@ -1,11 +1,11 @@
-"""Cells that share an edge, and the patches in them."""
+"""Cells that share an edge or a line of the grid."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-from mlscli.typing import Float64, Int32, Int64
+from mlscli.typing import Int32, Int64
 
 Index = int | np.int64
 
@@ -32,7 +32,8 @@ def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
 @njit(cache=True, nogil=True)
 def is_at(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> bool:
     """Tell whether a cell, which may be none, is the one at (x, y)."""
-    return bool(0 <= cell < len(ix) and ix[cell] == x and iy[cell] == y)
+    # Of four comparisons one by one each would be a branch.
+    return bool((cell >= 0) & (cell < len(ix)) and (ix[cell] == x) & (iy[cell] == y))
 
 
 @njit(cache=True, nogil=True)
@@ -65,17 +66,6 @@ def beside(ix: Int32, iy: Int32) -> Int64:
     four[:, 2] = shifted(ix, iy, 0, -1)
     four[:, 3] = shifted(ix, iy, 0, 1)
     return four
-
-
-@njit(cache=True, nogil=True)
-def nearest_in(begin: int, end: int, height: Float64, z: float) -> int:
-    """Return the patch of ``begin`` to ``end`` nearest to z in height (equal: the higher)."""
-    nearest = -1
-    for j in range(begin, end):
-        # Heights ascend in a cell: of two equally near ones the later is the higher.
-        if nearest < 0 or abs(height[j] - z) <= abs(height[nearest] - z):
-            nearest = j
-    return nearest
 
 
 def links(line: Int32) -> tuple[Int32, Int32]:

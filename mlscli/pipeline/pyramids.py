@@ -23,7 +23,7 @@ from numba import njit
 
 from mlscli.parameters import Length, comparable, in_units, parameter
 from mlscli.patches import distance
-from mlscli.pipeline.neighbours import is_at, nearest_in, onward, place
+from mlscli.pipeline.neighbours import is_at, onward, place
 from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import SurfaceMap
 from mlscli.threads import LIGHT, in_ranges
@@ -122,15 +122,21 @@ def _lower(
         bottom, top = start[cell], start[cell + 1]
         for i in range(bottom, top):
             low_end = height[i] - depth[i]
-            if _meets_another(i, bottom, top, low_end, height[i], height, depth, gap_size):
+            if top - bottom > 1 and _meets_another(
+                i, bottom, top, low_end, height[i], height, depth, gap_size
+            ):
                 continue
             neighbours = 0
             high, low = -np.inf, np.inf
             for there in (left, right, cell - 1, cell + 1):
-                j = nearest_in(start[there], start[there + 1], height, height[i])
-                if abs(height[j] - height[i]) <= max_height:
-                    neighbours += 1
-                    high, low = max(high, height[j]), min(low, height[j])
+                nearest, least = height[i], np.inf
+                for j in range(start[there], start[there + 1]):
+                    apart = abs(height[j] - height[i])
+                    # Heights ascend in a cell: of two equally near ones the later is the higher.
+                    if apart <= least:
+                        nearest, least = height[j], apart
+                neighbours += least <= max_height
+                high, low = max(high, nearest), min(low, nearest)
             if neighbours < 4:
                 continue
             if height[i] - high > factor * (high - low):
