@@ -77,6 +77,18 @@ def come_before(keys: Keys, others: Keys) -> Int64:
     return before
 
 
+def bare(column: Array) -> Array:
+    """Return the bytes of a column as unsigned numbers: fewer kinds are fewer kernels."""
+    return column.view(f"u{column.itemsize}")
+
+
+@njit(cache=True, nogil=True)
+def pick(column: Array, which: Int64, picked: Array) -> None:
+    """Take the elements at some indices out of a column."""
+    for i in range(len(which)):
+        picked[i] = column[which[i]]
+
+
 @njit(cache=True, nogil=True)
 def interleave(column: Array, others: Array, before: Int64, both: Array) -> None:
     """Put two columns together; ``before[k]`` of the first come before the k-th of the others."""
