@@ -73,9 +73,14 @@ def open3d() -> Any:
 
 def shared_edges(mesh: Mesh) -> list[list[int]]:
     """Return for each edge the directions, 1 or -1, in which triangles run through it."""
+    return list(shared_edges_of(mesh).values())
+
+
+def shared_edges_of(mesh: Mesh) -> dict[tuple[int, int], list[int]]:
+    """Return the directions, 1 or -1, in which triangles run through each edge, by its ends."""
     found = defaultdict[tuple[int, int], list[int]](list)
     for corners in mesh.triangles.tolist():
         for i in range(3):
             begin, end = corners[i], corners[(i + 1) % 3]
             found[min(begin, end), max(begin, end)].append(1 if begin < end else -1)
-    return list(found.values())
+    return found

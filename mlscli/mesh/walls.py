@@ -27,6 +27,10 @@ from mlscli.typing import Bool, Float64, Int64
 ACROSS_EDGES = ((1, 0), (0, 1))
 ACROSS_CORNERS = ((1, 1), (1, -1))
 
+# A cut so near (cells) to another vertex of its line is that vertex: heights that are one but for
+# rounding make no triangle.
+SNAP = 1e-6
+
 
 class Walls(NamedTuple):
     """The triangles of walls.
@@ -90,7 +94,7 @@ def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> Walls:
         joined.append(_joined(uprights, shifted(ix, iy, dx, dy), round_corner, reach))
     pairs = np.concatenate([pair for pair, _ in joined])
     ends = np.concatenate([end for _, end in joined])
-    nodes, lines = _lines(nodes, patch, pairs, ends)
+    nodes, lines = _lines(nodes, patch, pairs, ends, SNAP * surface.cell_size)
     triangles, covered = _climb(lines, pairs, ends)
     return Walls(nodes, triangles, _bare(lines, covered))
 
@@ -174,7 +178,9 @@ def _space(uprights: _Uprights, one: int, other: int) -> float:
     return space
 
 
-def _lines(nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64) -> tuple[Nodes, _Lines]:
+def _lines(
+    nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64, snap: float
+) -> tuple[Nodes, _Lines]:
     """Return the nodes with the cuts that the ends of pairs make, and the lines of all patches."""
     upright = np.full(len(nodes.top), NONE)
     upright[patch] = np.arange(len(patch))
@@ -182,12 +188,10 @@ def _lines(nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64) -> tuple[Nod
     line = np.concatenate((upright[nodes.patch[own]], np.repeat(pairs, 2, axis=1).ravel()))
     height = np.concatenate((nodes.height[own], ends.ravel() + 0.0))
     node = np.concatenate((own, np.full(ends.size, NONE)))
-    # What was there before comes first among equals, and stays.
-    order = np.lexsort((-node, height, line))
+    order = np.lexsort((height, line))
     line, height, node = line[order], height[order], node[order]
-    new = np.ones(len(line), dtype=np.bool_)
-    new[1:] = (line[1:] != line[:-1]) | (height[1:] != height[:-1])
-    line, height, node = line[new], height[new], node[new]
+    kept = _kept(line, height, node, snap)
+    line, height, node = line[kept], height[kept], node[kept]
     cuts = np.flatnonzero(node == NONE)
     node[cuts] = len(nodes.height) + np.arange(len(cuts))
     grown = nodes._replace(
@@ -196,6 +200,22 @@ def _lines(nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64) -> tuple[Nod
         is_joint=np.concatenate((nodes.is_joint, np.ones(len(cuts), dtype=np.bool_))),
     )
     return grown, _Lines(np.searchsorted(line, np.arange(len(patch) + 1)), node, height)
+
+
+@njit(cache=True, nogil=True)
+def _kept(line: Int64, height: Float64, node: Int64, snap: float) -> Bool:
+    """Tell which vertices stay, given ascending on each line: all nodes, and cuts beside none."""
+    kept = np.ones(len(line), dtype=np.bool_)
+    last = 0
+    for k in range(1, len(line)):
+        if line[k] == line[last] and height[k] - height[last] <= snap:
+            if node[k] == NONE:
+                kept[k] = False
+                continue
+            # What was there before stays in the place of a cut.
+            kept[last] = node[last] != NONE
+        last = k
+    return kept
 
 
 @njit(cache=True, nogil=True)
@@ -226,10 +246,14 @@ def _climb(lines: _Lines, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
 
 @njit(cache=True, nogil=True)
 def _at(lines: _Lines, line: int, height: float) -> int:
-    """Return the position of the vertex of a line at a height."""
+    """Return the position of the vertex of a line that is nearest to a height."""
     begin, end = lines.start[line], lines.start[line + 1]
-    position: int = begin + np.searchsorted(lines.height[begin:end], height)
-    return position
+    above: int = begin + np.searchsorted(lines.height[begin:end], height)
+    if above == begin:
+        return above
+    if above == end or height - lines.height[above - 1] < lines.height[above] - height:
+        return above - 1
+    return above
 
 
 def _bare(lines: _Lines, covered: Bool) -> Int64:

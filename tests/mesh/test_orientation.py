@@ -7,6 +7,7 @@ outside a floor on both sides.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from itertools import product
 
 import numpy as np
@@ -18,7 +19,7 @@ from mlscli.scenes.truth import truth
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64
 from tests.maps import symmetries, turned_map
-from tests.meshes import Column, a_map, shared_edges
+from tests.meshes import Column, a_map, shared_edges, shared_edges_of
 
 TRUE_SCENES = ("bridge-walls", "planes-walls", "house", "village-thesis", "house-storeys", "stair")
 
@@ -87,3 +88,41 @@ def test_triangles_run_through_shared_edges_in_opposite_directions(name: str) ->
     mesh = build_mesh(truth(make(name), 0.15, 0.5, 0.15))
     for directions in shared_edges(mesh):
         assert len(directions) != 2 or sum(directions) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "branches"),
+    [
+        # A wall with floor on both sides has two floors at its foot.
+        *((name, {"ffw"}) for name in ("bridge-walls", "village-thesis", "bridge-gap", "street")),
+        # A storey meets a wall between its ends.
+        ("house-storeys", {"ffw", "fww"}),
+        # The front of each step meets the sides of the stair.
+        ("stair", {"ffw", "www"}),
+    ],
+)
+def test_edges_have_three_triangles_where_the_map_branches_and_none_has_more(
+    name: str, branches: set[str]
+) -> None:
+    mesh = build_mesh(truth(make(name), 0.15, 0.5, 0.15))
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    kind = np.where(np.abs(np.cross(b - a, c - a)[:, 2]) < 1e-12, "w", "f").tolist()
+    found = defaultdict[tuple[int, int], list[str]](list)
+    for corners, which in zip(mesh.triangles.tolist(), kind, strict=True):
+        for i in range(3):
+            found[min(corners[i - 1], corners[i]), max(corners[i - 1], corners[i])].append(which)
+    assert {"".join(sorted(kinds)) for kinds in found.values() if len(kinds) > 2} == branches
+
+
+def test_a_tunnel_looks_into_itself_but_for_its_vault() -> None:
+    mesh = build_mesh(truth(make("tunnel"), 0.15, 0.5, 0.15))
+    centre, normal = walls(mesh)
+    inside = np.abs(centre[:, 1]) < 6 * 0.15
+    assert inside.sum() > 100
+    along = inside & (np.abs(normal[:, 1]) > 0)
+    assert (normal[along, 1] * centre[along, 1] < 0).all()
+    # The vault, which looks up as all surfaces do, and what carries it run alike, and nothing else.
+    edges = shared_edges_of(mesh)
+    alike = [edge for edge, directions in edges.items() if abs(sum(directions)) == 2]
+    assert alike
+    assert {round(height, 9) for height in mesh.vertices[np.array(alike), 2].ravel()} == {1.2}

@@ -66,6 +66,18 @@ def test_ends_farther_apart_are_a_step_and_what_stands_above_it_is_bare() -> Non
     assert walls.bare == [[2, 4]]
 
 
+def test_ends_that_are_one_but_for_rounding_make_no_slivers() -> None:
+    # Three pieces, each from where the one below it ends, beside a wall in one piece.
+    heights = (0.1 + 0.2, 0.7, 0.1 + 0.7)
+    pieces: list[Column] = [
+        (0, 0, z, z - low) for z, low in zip(heights, (0, 0.3, 0.7), strict=True)
+    ]
+    walls = Walls(a_map(*pieces, (1, 0, 0.8, 0.8), *((2, *piece[1:]) for piece in pieces)))
+    assert walls.areas.sum() == pytest.approx(2 * 0.8)
+    assert walls.areas.min() > 0.01
+    assert all(high - low > 0.01 for low, high in walls.bare)
+
+
 def test_patches_that_do_not_face_each_other_are_not_joined() -> None:
     walls = Walls(a_map((0, 0, 2, 2), (0, 1, 5, 2.5)), reach=1.0)
     assert walls.count == 0
