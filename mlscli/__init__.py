@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mlscli.io.obj import write_obj
     from mlscli.io.ply import write_ply
     from mlscli.io.recording import open_recording
-    from mlscli.io.replay import write_replay
+    from mlscli.io.replay import open_replay, write_replay
     from mlscli.mesh import build_mesh
     from mlscli.pipeline.builder import MapBuilder, build_map
     from mlscli.surface_map import SurfaceMap
@@ -36,6 +36,7 @@ __all__ = [
     "build_mesh",
     "load_parameters",
     "open_recording",
+    "open_replay",
     "read_map",
     "write_glb",
     "write_map",
@@ -53,6 +54,7 @@ _HOMES = {
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
     "open_recording": ("mlscli.io.recording", "open_recording"),
+    "open_replay": ("mlscli.io.replay", "open_replay"),
     "read_map": ("mlscli.io.mapfile", "read_map"),
     "write_glb": ("mlscli.io.glb", "write_glb"),
     "write_map": ("mlscli.io.mapfile", "write_map"),

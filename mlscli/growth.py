@@ -43,8 +43,14 @@ def appearing(surface: SurfaceMap) -> Int32:
 
 
 def growth(surface: SurfaceMap) -> Iterator[Change]:
-    """Yield the patches that appear with each keyframe that any appear with."""
+    """Yield the patches that appear with each keyframe that any appear with.
+
+    And the route from the keyframe after the one before to this.
+    """
     when = appearing(surface)
     nothing = surface.take(np.zeros(surface.size, dtype=np.bool_))
-    for keyframe in np.unique(when):
-        yield Change(nothing, surface.take(when == keyframe))
+    told = 0
+    for keyframe in np.unique(when).tolist():
+        route = surface.route[told : keyframe + 1]
+        yield Change(nothing, surface.take(when == keyframe), route)
+        told = keyframe + 1

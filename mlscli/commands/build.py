@@ -19,7 +19,7 @@ from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
     from mlscli.config import Parameters
-    from mlscli.pipeline.builder import Build
+    from mlscli.pipeline.builder import Build, Follower
     from mlscli.pipeline.change import Change
     from mlscli.pipeline.large import LargeBuild
     from mlscli.pipeline.report import Report
@@ -121,9 +121,13 @@ def command(
     for note in notes:
         say(f"mls: {note}")
 
-    changes: list[Change] = []
-    follow = changes.append if replay is not None else _nobody if growing else None
     with ProgressBar() as progress, ExitStack() as stack:
+        follow: Follower | None = _nobody if growing else None
+        if replay is not None:
+            from mlscli.io.replay import open_replay
+
+            played = stack.enter_context(open_replay(replay, overwrite=overwrite))
+            follow = played.follow
         built: Build | LargeBuild
         if memory is None:
             built = build(recording, parameters, progress, follow, jobs)
@@ -134,9 +138,7 @@ def command(
             built = stack.enter_context(large)
         write_map(target, built.surface, overwrite=overwrite)
         if replay is not None and isinstance(built.surface, SurfaceMap):
-            from mlscli.io.replay import write_replay
-
-            write_replay(replay, built.surface, changes, overwrite=overwrite)
+            played.finish(built.surface)
         account = _account(target, built, recording.losses)
     for note in recording.notes:
         if note not in notes:

@@ -24,7 +24,8 @@ coordinates to be drawn, patches have their cells, and their heights in float64.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -81,7 +82,8 @@ SHARE = 1 / 16
 # The frame of the map begins at a cell whose indices are multiples of this.
 _ROUND = 1000
 
-# Where times are not known, or no clock of ROS can show them, keyframes are this far apart (ns).
+# A keyframe whose time is not known, or that no clock of ROS can show, comes so much later (ns)
+# than the one before.
 _INTERVAL = 10**8
 _LATEST = 2**31 - 1
 
@@ -102,7 +104,7 @@ def write_replay(
     path
         The MCAP file.
     surface
-        The finished map; its route has the times.
+        The finished map.
     changes : iterable of Change
         What came and went, batch by batch, as a follower of `MapBuilder` is told; or as
         `mlscli.growth.growth` makes it up for a map whose making nobody followed.
@@ -113,76 +115,127 @@ def write_replay(
     OutputError
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
+    with open_replay(path, overwrite=overwrite) as replay:
+        for change in changes:
+            replay.follow(change)
+        replay.finish(surface)
+
+
+@contextmanager
+def open_replay(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Replay]:
+    """Open a replay that becomes `path` when the block ends without an error.
+
+    What a map looked like is in the file once it is told, and not held in memory.
+
+    Raises
+    ------
+    OutputError
+        As `write_replay`.
+
+    Examples
+    --------
+    >>> import mlscli
+    >>> with mlscli.open_replay("flight.mcap") as replay:  # doctest: +SKIP
+    ...     replay.finish(mlscli.build_map(recording, parameters, follow=replay.follow))
+    """
     with (
         whole_bag(path, "mcap", overwrite=overwrite) as target,
         BagWriter(target, "mcap", TOPICS, compressed=True) as bag,
     ):
-        replay = _Replay(bag, surface)
-        state = TiledMap(
-            replace(surface.take(np.empty(0, dtype=np.int64)), route=surface.route[:0])
-        )
-        keyframe, changed, size = 0, 0, 0
-        for change in changes:
-            if changed and changed >= SHARE * size:
-                replay.write(state.whole(), keyframe)
-                changed = 0
-            cells = change.cells
-            state.replace(cells, change.applied_to(state.extract(cells)))
-            keyframe = max(keyframe, int(change.added.last_keyframe.max(initial=0)))
-            changed += change.added.size + change.removed.size
-            size += change.added.size - change.removed.size
-        replay.write(surface, len(surface.route) - 1)
+        yield Replay(bag)
 
 
-class _Replay:
-    """Writes states of a map, and where the craft was meanwhile."""
+class Replay:
+    """Follows a map that grows, and writes its states and where the craft was meanwhile."""
 
-    def __init__(self, bag: BagWriter, surface: SurfaceMap) -> None:
+    def __init__(self, bag: BagWriter) -> None:
         self._bag = bag
-        self._frame_id = surface.frame_id
-        self._stamps = _stamps(surface.route[:, 0])
-        self._position = surface.route[:, 1:]
+        self._state: TiledMap | None = None
+        self._size = self._changed = 0
+        self._stamps: list[int] = []
+        self._has_clock = False
+        self._positions = [np.empty((0, 3))]
         self._told = 0
-        cell = np.median((surface.ix, surface.iy), axis=1) if surface.size else np.zeros(2)
-        self._cell = (_ROUND * np.rint(cell / _ROUND)).astype(np.int64)
-        height = _ROUND * np.rint(np.median(surface.height) / _ROUND) if surface.size else 0.0
-        self._origin = np.array([*(self._cell * surface.cell_size), height])
-        bag.transform(
-            TF_STATIC, self._stamps[0], self._frame_id, MAP, self._origin.tolist(), _NO_TURN
-        )
+        self._origin: Float64 | None = None
 
-    def write(self, surface: SurfaceMap, keyframe: int) -> None:
-        """Write a state of the map at the time of a keyframe, and the way until there."""
-        known = np.flatnonzero(np.isfinite(self._position[: keyframe + 1]).all(axis=1))
+    def follow(self, change: Change) -> None:
+        """Take what a batch changed, once the state before is written where much is new in it."""
+        if self._state is None:
+            nothing = change.added.take(np.empty(0, dtype=np.int64))
+            self._state = TiledMap(replace(nothing, route=change.route[:0]))
+        elif self._changed >= max(SHARE * self._size, 1):
+            self._write(self._state.whole())
+        cells = change.cells
+        self._state.replace(cells, change.applied_to(self._state.extract(cells)))
+        self._changed += change.added.size + change.removed.size
+        self._size += change.added.size - change.removed.size
+        self._pass(change.route)
+
+    def finish(self, surface: SurfaceMap) -> None:
+        """Write the finished map, and what is left of its route."""
+        self._pass(surface.route[len(self._stamps) :])
+        self._write(surface)
+
+    def _pass(self, route: Float64) -> None:
+        """Take keyframes that the craft came to."""
+        for time in route[:, 0].tolist():
+            self._stamps.append(self._stamp(time))
+        self._positions.append(route[:, 1:])
+
+    def _stamp(self, time: float) -> int:
+        """Return the time (ns) of the next keyframe, never before the one before it."""
+        is_known = 0 <= time <= _LATEST
+        if not self._stamps:
+            self._has_clock = is_known
+            return nanoseconds(time) if is_known else 0
+        before = self._stamps[-1]
+        if self._has_clock and is_known:
+            return max(before, nanoseconds(time))
+        return min(before + _INTERVAL, _LATEST * 10**9)
+
+    def _write(self, surface: SurfaceMap) -> None:
+        """Write a state of the map at the time of the latest keyframe, and the way until there."""
+        self._changed = 0
+        if self._origin is None:
+            self._origin = _near(surface)
+            first = self._stamps[0] if self._stamps else 0
+            self._transform(TF_STATIC, first, surface.frame_id, MAP, self._origin)
+        position = np.concatenate(self._positions)
+        self._positions = [position]
+        known = np.flatnonzero(np.isfinite(position).all(axis=1))
         for row in known[known >= self._told]:
-            self._bag.transform(
-                TF, self._stamps[row], self._frame_id, CRAFT, self._position[row].tolist(), _NO_TURN
-            )
-        self._told = keyframe + 1
-        stamp = self._stamps[max(keyframe, 0)]
-        self._bag.cloud(PATCHES, stamp, MAP, self._patches(surface))
+            self._transform(TF, self._stamps[row], surface.frame_id, CRAFT, position[row])
+        self._told = len(position)
+        stamp = self._stamps[-1] if self._stamps else 0
+        self._bag.cloud(PATCHES, stamp, MAP, _records(surface, self._origin))
         mesh = build_mesh(replace(surface, route=surface.route[:0]))
         vertices = mesh.vertices - self._origin
         for name, triangles in faces(mesh).items():
             self._bag.triangles(FACES[name], stamp, MAP, vertices, mesh.colours, triangles)
         passed = [self._stamps[row] for row in known]
-        self._bag.path(ROUTE, stamp, MAP, passed, self._position[known] - self._origin)
+        self._bag.path(ROUTE, stamp, MAP, passed, position[known] - self._origin)
 
-    def _patches(self, surface: SurfaceMap) -> Array:
-        records = np.zeros(surface.size, PATCH)
-        place = patch_places(surface) - self._origin
-        with np.errstate(over="ignore"):
-            for axis, name in enumerate("xyz"):
-                records[name] = place[:, axis]
-        for name in ("ix", "iy", "count", "height", "depth", "variance", "origin"):
-            records[name] = getattr(surface, name)
-        return records
+    def _transform(self, topic: str, stamp: int, parent: str, child: str, place: Float64) -> None:
+        self._bag.transform(topic, stamp, parent, child, place.tolist(), _NO_TURN)
 
 
-def _stamps(times: Float64) -> list[int]:
-    """Return the time of each keyframe (ns), never before the one before it; at least one."""
-    if not len(times):
-        return [0]
-    if not np.isfinite(times).all() or times.min() < 0 or times.max() > _LATEST:
-        return [number * _INTERVAL for number in range(len(times))]
-    return [nanoseconds(time) for time in np.maximum.accumulate(times).tolist()]
+def _near(surface: SurfaceMap) -> Float64:
+    """Return a place near a map, a round number of cells from its origin."""
+    if not surface.size:
+        return np.zeros(3)
+    cell = _ROUND * np.rint(np.median((surface.ix, surface.iy), axis=1) / _ROUND)
+    height = _ROUND * np.rint(np.median(surface.height) / _ROUND)
+    place: Float64 = np.array([*(cell * surface.cell_size), height]) + 0.0
+    return place
+
+
+def _records(surface: SurfaceMap, origin: Float64) -> Array:
+    """Return the patches as they are in the cloud."""
+    records = np.zeros(surface.size, PATCH)
+    place = patch_places(surface) - origin
+    with np.errstate(over="ignore"):
+        for axis, name in enumerate("xyz"):
+            records[name] = place[:, axis]
+    for name in ("ix", "iy", "count", "height", "depth", "variance", "origin"):
+        records[name] = getattr(surface, name)
+    return records

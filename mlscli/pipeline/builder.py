@@ -63,7 +63,8 @@ class MapBuilder:
     progress : callable, optional
         As for `build`.
     follow : callable, optional
-        Called after every batch with the `Change` that it made: patches removed, patches added.
+        Called after every batch with the `Change` that it made: patches removed, patches added,
+        and the keyframes that the route gained.
         `finish` makes no more changes that it tells, only what the stages do that need the whole
         map.
     jobs : int, optional
@@ -105,6 +106,7 @@ class MapBuilder:
         self._waiting_points = 0
         self._keyframes = 0
         self._routes: list[Float64] = [self._pipeline.empty.route]
+        self._routes_told = 0
         self._batches: list[Points] = []
         self._growing: GrowingMap | None = None
 
@@ -173,6 +175,8 @@ class MapBuilder:
         change = growing.grow(self._unseen())
         slowest = self.report.slowest_batch or 0.0
         self.report.slowest_batch = max(slowest, time.perf_counter() - begin)
+        change = change._replace(route=np.concatenate(self._routes[self._routes_told :]))
+        self._routes_told = len(self._routes)
         if self._follow is not None:
             self._follow(change)
         return change

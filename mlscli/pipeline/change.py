@@ -1,4 +1,4 @@
-"""What a batch changes in a growing map: patches that go, and patches that come."""
+"""What a batch changes in a growing map: patches that go, patches that come, the route grown."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from numba import njit
 from mlscli.cells import CellSet, pack
 from mlscli.pipeline.tiles import records_of
 from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool, UInt8, UInt64
+from mlscli.typing import Bool, Float64, UInt8, UInt64
+
+NO_ROUTE: Float64 = np.empty((0, 4))
 
 
 class Change(NamedTuple):
@@ -23,10 +25,13 @@ class Change(NamedTuple):
     removed, added : SurfaceMap
         Patches of the state before, and of the state after; their keyframes number the rows of
         the whole map's route.
+    route : float64 (K, 4)
+        The rows that the route gains, as in `SurfaceMap`.
     """
 
     removed: SurfaceMap
     added: SurfaceMap
+    route: Float64 = NO_ROUTE
 
     @property
     def cells(self) -> CellSet:

@@ -7,6 +7,7 @@ that are known to the reader anyway, so definitions are taken from the file.
 
 from __future__ import annotations
 
+import weakref
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import replace
@@ -23,10 +24,10 @@ import mlscli
 from mlscli.config import Parameters
 from mlscli.errors import OutputError
 from mlscli.growth import growth
-from mlscli.io.replay import write_replay
+from mlscli.io.replay import open_replay, write_replay
 from mlscli.keyframes import Keyframe
 from mlscli.mesh import build_mesh
-from mlscli.pipeline.change import Change
+from mlscli.pipeline.change import NO_ROUTE, Change
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.presets import make
 from mlscli.surface_map import SurfaceMap
@@ -183,10 +184,41 @@ def test_no_state_is_more_than_a_sixteenth_of_the_map_behind(tmp_path: Path) -> 
 
 def test_what_comes_late_of_earlier_keyframes_does_not_turn_time_back(tmp_path: Path) -> None:
     surface = patch_by_patch()
-    write_replay(tmp_path / "a.mcap", surface, reversed(list(growth(surface))))
+    late = [change._replace(route=NO_ROUTE) for change in reversed(list(growth(surface)))]
+    late[0] = late[0]._replace(route=surface.route)
+    write_replay(tmp_path / "a.mcap", surface, late)
     told = with_mcap(tmp_path / "a.mcap")
     assert {cloud.time for cloud in told["/mls/patches"]} == {(surface.size - 1) * 10**9}
-    assert len(told["/tf"]) == surface.size
+    assert [message.time for message in told["/tf"]] == (surface.route[:, 0] * 10**9).tolist()
+
+
+def test_what_is_told_goes_to_the_file_and_is_not_held(tmp_path: Path) -> None:
+    surface = replace(a_map(*plane(200, 100)), route=np.zeros((100, 4)))
+    first = (surface.iy % 100).astype(np.int32)
+    surface = replace(surface, first_keyframe=first, last_keyframe=first)
+    held, written = [], []
+    with open_replay(tmp_path / "a.mcap") as replay:
+        for change in growth(surface):
+            held.append(weakref.ref(change.added))
+            replay.follow(change)
+            del change
+            written.append(sum(file.stat().st_size for file in tmp_path.rglob("*.mcap")))
+        assert [alive for alive in held if alive() is not None] == []
+        assert len(set(written)) > 10
+        replay.finish(surface)
+    assert_patches(with_mcap(tmp_path / "a.mcap")["/mls/patches"][-1].content, surface, np.zeros(3))
+
+
+def test_a_build_that_fails_leaves_no_replay(tmp_path: Path) -> None:
+    def fail() -> None:
+        with open_replay(tmp_path / "a.mcap") as replay:
+            for change in growth(house()):
+                replay.follow(change)
+            raise RuntimeError("disk and map are none of its business")
+
+    with pytest.raises(RuntimeError, match="none of its business"):
+        fail()
+    assert list(tmp_path.iterdir()) == []
 
 
 @READERS
@@ -253,16 +285,17 @@ def test_times_are_those_of_the_recording(tmp_path: Path, flight: Flight, read: 
 
 
 @pytest.mark.parametrize("stamp", [np.nan, -5.0, 1e12])
-def test_without_times_that_ros_can_tell_ten_keyframes_are_a_second(
+def test_a_keyframe_without_a_time_that_ros_can_tell_comes_a_tenth_of_a_second_later(
     tmp_path: Path, stamp: float
 ) -> None:
-    surface = house()
-    route = surface.route.copy()
-    route[2, 0] = stamp
-    surface = replace(surface, route=route)
-    write_replay(tmp_path / "a.mcap", surface, growth(surface))
-    times = [message.time for message in with_mcap(tmp_path / "a.mcap")["/tf"]]
-    assert times == [number * 10**8 for number in range(len(route))]
+    for row, times in ((2, [0, 10, 11, 30, 40, 50, 60]), (0, [0, 1, 2, 3, 4, 5, 6])):
+        surface = house()
+        route = surface.route.copy()
+        route[row, 0] = stamp
+        surface = replace(surface, route=route)
+        write_replay(tmp_path / "a.mcap", surface, growth(surface), overwrite=True)
+        told = [message.time for message in with_mcap(tmp_path / "a.mcap")["/tf"]]
+        assert told == [time * 10**8 for time in times]
 
 
 def test_times_that_run_back_never_do_in_the_file(tmp_path: Path, flight: Flight) -> None:

@@ -138,7 +138,7 @@ def test_a_batch_changes_nothing_beyond_the_reach_of_its_points() -> None:
     stages = builder.parameters.pipeline
     reach = sum(s.reach(CELL) or 0 for s in stages if isinstance(s, PointStage | MapStage))
     ix, iy = cell_indices(at[0, :2], CELL)
-    for surface in change:
+    for surface in (change.removed, change.added):
         assert np.abs(surface.ix - ix).max(initial=0) <= reach
         assert np.abs(surface.iy - iy).max(initial=0) <= reach
 
