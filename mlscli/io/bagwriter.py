@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,14 +49,23 @@ class BagWriter:
     kind : {"ros1", "ros2", "mcap"}
     topics : mapping of str to str
         The topics and their types.
+    lasting : container of str
+        The topics whose last message is told also to those who listen later.
     compressed : bool
         Whether chunks of an MCAP file are compressed.
     """
 
     def __init__(
-        self, path: Path, kind: Kind, topics: Mapping[str, str], *, compressed: bool = False
+        self,
+        path: Path,
+        kind: Kind,
+        topics: Mapping[str, str],
+        *,
+        lasting: Container[str] = (TF_STATIC,),
+        compressed: bool = False,
     ) -> None:
         self._topics = topics
+        self._lasting = lasting
         self._is_ros1 = kind == "ros1"
         self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.LATEST)
         if self._is_ros1:
@@ -81,8 +90,7 @@ class BagWriter:
         self._writer.__enter__()
         for topic, type_ in self._topics.items():
             options: dict[str, Any] = {}
-            if topic == TF_STATIC:
-                # It is told once, also to those who listen later.
+            if topic in self._lasting:
                 options = (
                     {"latching": 1} if self._is_ros1 else {"offered_qos_profiles": [_lasting()]}
                 )
@@ -200,7 +208,8 @@ class BagWriter:
     ) -> None:
         """Write a marker that lists triangles (T, 3) of vertices (V, 3), in their colours (V, 3).
 
-        It takes the place of the marker before it on its topic. There is none in ROS 1.
+        It takes the place of the marker before it on its topic; without triangles it takes that
+        away. There is none in ROS 1.
         """
         data = self._triangle_lists.serialized(
             self._header(stamp, frame_id), topic, vertices, colours, triangles

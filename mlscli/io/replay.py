@@ -12,7 +12,8 @@ topic                type                    content
 ``/tf_static``       tf2_msgs/TFMessage      map frame -> mls_map, once
 ==================== ======================= ===================================================
 
-Each message holds the whole state: whoever jumps to a time sees the map of that time. So that the
+Each message holds the whole state: whoever jumps to a time sees the map of that time, and who
+listens late is told the last (all topics but ``/tf`` are offered as transient local). So that the
 file grows with what changes, and not with the batches times the map, a state is written when a
 share of the map has changed since the last; the finished map comes at the end.
 
@@ -42,6 +43,7 @@ from mlscli.io.bagwriter import (
 )
 from mlscli.io.trianglelist import MARKER_TYPE
 from mlscli.mesh import build_mesh
+from mlscli.mesh.colours import height_range, patch_colours
 from mlscli.pipeline.change import Change
 from mlscli.pipeline.tiles import TiledMap
 from mlscli.surface_map import SurfaceMap
@@ -64,6 +66,7 @@ PATCH = np.dtype(
         ("x", "<f4"),
         ("y", "<f4"),
         ("z", "<f4"),
+        ("rgb", "<u4"),
         ("ix", "<i4"),
         ("iy", "<i4"),
         ("count", "<u4"),
@@ -74,7 +77,7 @@ PATCH = np.dtype(
     ],
     align=True,
 )
-"""A patch in the cloud: its place in `mls_map`, and columns of the map as they are."""
+"""A patch in the cloud: place in `mls_map`, colour (0xRRGGBB), columns of the map as they are."""
 
 # A state is written once this share of its patches has come or gone since the last.
 SHARE = 1 / 16
@@ -140,7 +143,7 @@ def open_replay(path: str | os.PathLike[str], *, overwrite: bool = False) -> Ite
     """
     with (
         whole_bag(path, "mcap", overwrite=overwrite) as target,
-        BagWriter(target, "mcap", TOPICS, compressed=True) as bag,
+        BagWriter(target, "mcap", TOPICS, lasting=TOPICS.keys() - {TF}, compressed=True) as bag,
     ):
         yield Replay(bag)
 
@@ -236,6 +239,8 @@ def _records(surface: SurfaceMap, origin: Float64) -> Array:
     with np.errstate(over="ignore"):
         for axis, name in enumerate("xyz"):
             records[name] = place[:, axis]
+    colours = patch_colours(surface.height, surface.origin, *height_range(surface))
+    records["rgb"] = colours.astype(np.uint32) @ (1 << 16, 1 << 8, 1)
     for name in ("ix", "iy", "count", "height", "depth", "variance", "origin"):
         records[name] = getattr(surface, name)
     return records

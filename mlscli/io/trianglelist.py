@@ -21,7 +21,7 @@ from mlscli.typing import Array, Float64, Int32, UInt8
 MARKER_TYPE = "visualization_msgs/msg/Marker"
 
 _BEGIN, _END = "mls_msgs/msg/MarkerBegin", "mls_msgs/msg/MarkerEnd"
-_TRIANGLE_LIST, _ADD = 11, 0
+_TRIANGLE_LIST, _ADD, _DELETE = 11, 0, 2
 _HEADER = 4  # bytes before the message, from whose end its layout counts
 
 
@@ -39,25 +39,29 @@ class TriangleLists:
     def serialized(
         self, header: Any, name: str, vertices: Float64, colours: UInt8, triangles: Int32
     ) -> bytes:
-        """Return a marker of triangles (T, 3) of vertices (V, 3), in their colours (V, 3)."""
+        """Return a marker of triangles (T, 3) of vertices (V, 3), in their colours (V, 3).
+
+        Without triangles, it takes away the marker of that name: RViz calls an empty one an error.
+        """
         corner = triangles.ravel()
         tints = np.ones((len(corner), 4), dtype="<f4")
         tints[:, :3] = colours[corner] / 255
-        data = bytearray(self._store.serialize_cdr(self._before(header, name), _BEGIN))
+        action = _ADD if len(corner) else _DELETE
+        data = bytearray(self._store.serialize_cdr(self._before(header, name, action), _BEGIN))
         _append_sequence(data, vertices[corner].astype("<f8"))
         _append_sequence(data, tints)
         # What follows begins where four bytes do, and has nothing that is laid out by eight.
         data += self._store.serialize_cdr(self._after(header), _END)[_HEADER:]
         return bytes(data)
 
-    def _before(self, header: Any, name: str) -> Any:
+    def _before(self, header: Any, name: str, action: int) -> Any:
         return self._new(
             _BEGIN,
             header=header,
             ns=name,
             id=0,
             type=_TRIANGLE_LIST,
-            action=_ADD,
+            action=action,
             pose=self._new(
                 "geometry_msgs/msg/Pose",
                 position=self._new("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0),

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import mlscli
@@ -116,6 +117,9 @@ def assert_patches(cloud: Any, surface: SurfaceMap, origin: Float64) -> None:
     assert cloud.header.frame_id == "mls_map"
     for name in ("ix", "iy", "height", "depth", "variance", "count", "origin"):
         assert points[name].tobytes() == getattr(surface, name).tobytes(), name
+    mesh = build_mesh(surface, "patches")
+    colours = mesh.colours[mesh.points].astype(int)
+    assert points["rgb"].tolist() == [r << 16 | g << 8 | b for r, g, b in colours.tolist()]
     place = np.column_stack([points[axis] for axis in "xyz"]) + origin
     centre = (np.column_stack((surface.ix, surface.iy)) + 0.5) * surface.cell_size
     assert np.abs(place - np.column_stack((centre, surface.height))).max(initial=0) < 1e-4
@@ -246,6 +250,31 @@ def test_markers_are_the_mesh(tmp_path: Path, read: Any) -> None:
     found = soup(np.column_stack((np.round(corners, 9), np.rint(colours))), numbered)
     right = np.column_stack((np.round(mesh.vertices, 9), mesh.colours))
     assert found == soup(right, mesh.triangles)
+
+
+@READERS
+def test_a_marker_without_triangles_takes_away_the_one_before(tmp_path: Path, read: Any) -> None:
+    surface = a_map(*plane(3, 3))
+    write_replay(tmp_path / "a.mcap", surface, growth(surface))
+    told = read(tmp_path / "a.mcap")
+    for name, action, corners in (("surface", 0, 24), ("walls", 2, 0), ("artificial", 2, 0)):
+        marker = told[f"/mls/{name}"][-1].content
+        assert (marker.action, len(marker.points), len(marker.colors)) == (action, corners, corners)
+        assert (marker.ns, marker.id) == (f"/mls/{name}", 0)
+        assert (marker.lifetime.sec, marker.lifetime.nanosec) == (0, 0)
+
+
+def test_all_but_tf_is_told_also_to_those_who_listen_late(tmp_path: Path) -> None:
+    write_replay(tmp_path / "a.mcap", house(), growth(house()))
+    with AnyReader([tmp_path / "a.mcap"]) as reader:
+        lasting = set()
+        for connection in reader.connections:
+            assert isinstance(connection.ext, ConnectionExtRosbag2)
+            for offered in connection.ext.offered_qos_profiles:
+                assert (offered.reliability.name, offered.depth) == ("RELIABLE", 1)
+                if offered.durability.name == "TRANSIENT_LOCAL":
+                    lasting.add(connection.topic)
+    assert lasting == TYPES.keys() - {"/tf"}
 
 
 @READERS

@@ -33,7 +33,7 @@ def test_bytes_are_those_of_the_library(name: str, triangles: int) -> None:
     data = LISTS.serialized(header("map"), name, vertices, colours, corners)
     marker: Any = STORE.deserialize_cdr(data, MARKER_TYPE)
     assert bytes(STORE.serialize_cdr(marker, MARKER_TYPE)) == data
-    assert (marker.ns, marker.type, marker.action) == (name, 11, 0)
+    assert (marker.ns, marker.type, marker.action) == (name, 11, 0 if triangles else 2)
     found = [(p.x, p.y, p.z) for p in marker.points]
     assert found == [tuple(row) for row in vertices[corners.ravel()].tolist()]
     tints = np.array([(c.r, c.g, c.b) for c in marker.colors]).reshape(-1, 3) * 255
