@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.patches import runs
 from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt64
 
@@ -131,7 +131,7 @@ class CellSet:
         return np.unique(pack(x[inside], y[inside]))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _within(column: Int32, start: Int64, position: Int32, reach: int, ix: Int32, iy: Int32) -> Bool:
     """Tell which cells are within `reach` of one of a set.
 

@@ -21,6 +21,7 @@ import click
 
 from mlscli import __version__
 from mlscli.errors import ConfigError, MlsError, nearest
+from mlscli.notices import hear
 
 # Name to module and to a line of help, so that the help of the group loads none of them.
 COMMANDS = {
@@ -100,6 +101,7 @@ def main() -> NoReturn:
         # Where it is ignored, as under nohup, it stays so.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _stop)
+    hear(_say)
     run = Run()
     try:
         status = _status(run)
@@ -121,6 +123,11 @@ def _status(run: Run) -> int:
         # A full disk shows only now, and must not pass for success.
         sys.stdout.flush()
     return status if isinstance(status, int) else 0
+
+
+def _say(notice: str) -> None:
+    # On a terminal a progress bar may stand in the line.
+    click.echo(f"\r\x1b[Kmls: {notice}" if sys.stderr.isatty() else f"mls: {notice}", err=True)
 
 
 def _report(error: BaseException, run: Run) -> int:

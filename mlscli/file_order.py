@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.typing import Array, Float64, Int32, Int64, UInt8, UInt32
 
 
@@ -43,7 +43,7 @@ class Columns(NamedTuple):
         return cls(ix[start[:-1]], iy[start[:-1]], start)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _starts(ix: Int32, iy: Int32) -> Int64:
     start = np.empty(len(ix) + 1, dtype=np.int64)
     start[0] = cells = 0
@@ -53,7 +53,7 @@ def _starts(ix: Int32, iy: Int32) -> Int64:
     return start[: cells + 1].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ascend(keys: Keys) -> bool:
     """Tell whether patches are in order."""
     i = 1
@@ -62,7 +62,7 @@ def ascend(keys: Keys) -> bool:
     return i >= len(keys.ix)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def come_before(keys: Keys, others: Keys) -> Int64:
     """Return for each of the others how many come before it, and before its equals.
 
@@ -82,14 +82,14 @@ def bare(column: Array) -> Array:
     return column.view(f"u{column.itemsize}")
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pick(column: Array, which: Int64, picked: Array) -> None:
     """Take the elements at some indices out of a column."""
     for i in range(len(which)):
         picked[i] = column[which[i]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def interleave(column: Array, others: Array, before: Int64, both: Array) -> None:
     """Put two columns together; ``before[k]`` of the first come before the k-th of the others."""
     done = 0
@@ -102,7 +102,7 @@ def interleave(column: Array, others: Array, before: Int64, both: Array) -> None
         both[i + len(others)] = column[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _later(keys: Keys, i: int, others: Keys, j: int) -> bool:
     """Tell whether patch i comes after patch j of the others."""
     if keys.ix[i] != others.ix[j]:

@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from mlscli.cells import pack
+from mlscli.kernels import kernel
 from mlscli.patches import distance, linked, runs, upright, within_gap
 from mlscli.surface_map import MEASURED, SurfaceMap
 from mlscli.typing import Array, Bool, Float64, Int64
@@ -99,7 +99,7 @@ def link(one: SurfaceMap, other: SurfaceMap) -> tuple[SurfaceMap, Bool, Bool]:
     return replace(one, **merged), from_one, from_other
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _chan(
     start: Int64, top: Float64, bottom: Float64, mean: Float64, variance: Float64, count: Array
 ) -> tuple[Float64, Float64, Float64, Array]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.typing import Array, Bool, Float64, Int64
 
 
@@ -29,7 +29,7 @@ def upright(
     return np.where(vertical, top, mean), np.where(vertical, extent, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
     """Return where groups begin, and the end of the last: single linkage of intervals.
 
@@ -57,13 +57,13 @@ def linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
     return start[: groups + 1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def distance(low: float, high: float, other_low: float, other_high: float) -> float:
     """Return how far apart two intervals are; 0 where they overlap."""
     return max(0.0, max(low - other_high, other_low - high))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def within_gap(
     keys: Array,
     low: Float64,

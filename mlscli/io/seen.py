@@ -7,8 +7,8 @@ it is full, so that the cost of a point does not depend on how many came before.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.typing import Bool, Float64, Int64, UInt64
 
 _FREE = -1
@@ -53,7 +53,7 @@ class SeenPoints:
         _enter(known, self._points, self._slots, 0, np.empty(len(known), dtype=np.bool_))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _enter(new: UInt64, points: UInt64, slots: Int64, size: int, fresh: Bool) -> int:
     """Enter points that are not among the first `size`; return how many there are then."""
     last = np.uint64(len(slots) - 1)

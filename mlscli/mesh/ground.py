@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mlscli.cells import cell_indices, on_grid
+from mlscli.kernels import kernel
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64, Int32, Int64
 
@@ -73,7 +73,7 @@ def _steps(position: Float64, cell_size: float) -> Float64:
     return np.concatenate((position[begin] + share[:, None] * leg[begin], position[-1:]))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ground_below(
     craft_cell: Int64, craft_z: Float64, ix: Int32, iy: Int32, start: Int64, height: Float64
 ) -> Float64:
@@ -99,7 +99,7 @@ def _ground_below(
     return ground
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _find(ix: Int32, iy: Int32, x: int, y: int) -> int:
     """Return the number of the cell at (x, y); -1: it holds nothing."""
     low, high = 0, len(ix)

@@ -25,8 +25,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.pipeline.neighbours import shifted
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int64
@@ -100,7 +100,7 @@ def _around(surface: SurfaceMap) -> Int64:
     return np.stack([shifted(ix, iy, *step) for step in steps], axis=1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _joints(
     low: Float64, high: Float64, is_upright: Bool, start: Int64, around: Int64, reach: float
 ) -> tuple[Int64, Float64]:
@@ -145,7 +145,7 @@ def links(surface: SurfaceMap, nodes: Nodes, reach: float) -> Int64:
     return _mutual(nearest, nodes.height, reach)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest(start: Int64, height: Float64, neighbour: Int64) -> Int64:
     """Return for each node the one of the neighbouring cell nearest in height; -1: none."""
     nearest = np.full(len(height), NONE, dtype=np.int64)
@@ -165,7 +165,7 @@ def _nearest(start: Int64, height: Float64, neighbour: Int64) -> Int64:
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mutual(nearest: Int64, height: Float64, reach: float) -> Int64:
     """Return the links among nearest nodes: each other's nearest, at most `reach` apart."""
     link = np.full(nearest.shape, NONE, dtype=np.int64)
@@ -181,7 +181,7 @@ def _mutual(nearest: Int64, height: Float64, reach: float) -> Int64:
     return link
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def surface_triangles(link: Int64, height: Float64, is_joint: Bool) -> Int64:
     """Return the triangles of the surfaces, counter-clockwise seen from above.
 
@@ -210,7 +210,7 @@ def surface_triangles(link: Int64, height: Float64, is_joint: Bool) -> Int64:
     return triangles[:found].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_ring(
     triangles: Int64, found: int, a: int, link: Int64, height: Float64, is_joint: Bool
 ) -> int:
@@ -231,7 +231,7 @@ def _add_ring(
     return found + 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_chain(
     triangles: Int64,
     found: int,

@@ -17,8 +17,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.mesh.triangulation import NONE, Nodes
 from mlscli.pipeline.neighbours import shifted
 from mlscli.surface_map import SurfaceMap
@@ -99,7 +99,7 @@ def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> Walls:
     return Walls(nodes, triangles, _bare(lines, covered))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _joined(
     uprights: _Uprights, beyond: Int64, round_corner: Int64, reach: float
 ) -> tuple[Int64, Float64]:
@@ -153,7 +153,7 @@ def _joined(
     return found, ends
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _leads_round(
     uprights: _Uprights, one: int, other: int, round_corner: Int64, reach: float
 ) -> bool:
@@ -169,7 +169,7 @@ def _leads_round(
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _space(uprights: _Uprights, one: int, other: int) -> float:
     """Return how far apart two vertical patches are; below 0: by how much they overlap."""
     low = max(uprights.low[one], uprights.low[other])
@@ -202,7 +202,7 @@ def _lines(
     return grown, _Lines(np.searchsorted(line, np.arange(len(patch) + 1)), node, height)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _kept(line: Int64, height: Float64, node: Int64, snap: float) -> Bool:
     """Tell which vertices stay, given ascending on each line: all nodes, and cuts beside none."""
     kept = np.ones(len(line), dtype=np.bool_)
@@ -218,7 +218,7 @@ def _kept(line: Int64, height: Float64, node: Int64, snap: float) -> Bool:
     return kept
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _climb(lines: _Lines, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
     """Return the triangles between the facing parts of pairs, and which stretches they have.
 
@@ -244,7 +244,7 @@ def _climb(lines: _Lines, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
     return found, covered
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _at(lines: _Lines, line: int, height: float) -> int:
     """Return the position of the vertex of a line that is nearest to a height."""
     begin, end = lines.start[line], lines.start[line + 1]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mlscli.cells import CellSet, pack
+from mlscli.kernels import kernel
 from mlscli.pipeline.tiles import records_of
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, UInt8, UInt64
@@ -66,7 +66,7 @@ def _cells_and_bytes(surface: SurfaceMap) -> tuple[UInt64, UInt8]:
     return pack(surface.ix, surface.iy), rows
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _shared(keys: UInt64, rows: UInt8, other_keys: UInt64, other_rows: UInt8) -> Bool:
     """Tell which rows the others have, too; both ascend by key."""
     shared = np.zeros(len(keys), dtype=np.bool_)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mlscli.file_order import Columns
+from mlscli.kernels import kernel
 from mlscli.parameters import Cells, Length, comparable, in_units, parameter, whole_cells
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import is_at, links, onward
@@ -178,7 +178,7 @@ def _close_along(
     return Inserted(in_line, at, height, height - low_end, origin)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pairs(
     begin: int,
     end: int,
@@ -220,14 +220,14 @@ def _pairs(
     return pairs[:n].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _limit(tolerance: Tolerance, d: int) -> float:
     """Return how far apart two intervals may be, d cells from each other."""
     reach = min(d, tolerance.trusted)
     return tolerance.slope * reach * tolerance.cell_size + tolerance.clearance
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _opposite(
     cell: int,
     i: int,
@@ -265,7 +265,7 @@ def _opposite(
     return -1, -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill(
     pairs: Int64, lines: _Lines, low: Float64, high: Float64
 ) -> tuple[Int32, Int32, Float64, Float64, Int64]:
@@ -288,7 +288,7 @@ def _fill(
     return in_line, at, height, low_end, width
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def between(near: float, far: float, k: int, d: int) -> float:
     """Return the height k of d steps along the line from near to far; the same read backwards."""
     height = (near * (d - k) + far * k) / d
@@ -317,7 +317,7 @@ def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = Non
     return inserted.take(stays)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _keep_apart(
     ix: Int32,
     iy: Int32,
@@ -344,7 +344,7 @@ def _keep_apart(
                     stays[i] = False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _choose_from_above(
     start: Int64,
     low: Float64,

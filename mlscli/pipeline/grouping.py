@@ -7,8 +7,8 @@ apart; sums run over the ascending heights, so that the order of the points chan
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.keyframes import Points
 from mlscli.patches import upright
 from mlscli.pipeline.ordering import cells_of, order_by_cell
@@ -65,7 +65,7 @@ def group(points: Points, cell_size: float, gap_size: float, thickness: float) -
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def split_by_gaps(cells: Int64, z: Float64, gap_size: float) -> Int64:
     """Return where groups begin, and the end of the last: at a new cell or after a gap."""
     start = np.empty(len(z) + 1, dtype=np.int64)
@@ -79,7 +79,7 @@ def split_by_gaps(cells: Int64, z: Float64, gap_size: float) -> Int64:
     return start[: groups + 1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def summarise(
     start: Int64,
     begin: int,

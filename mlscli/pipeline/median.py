@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.keyframes import Points
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.pipeline.point_grid import PointGrid, columns_around, gather
@@ -89,7 +89,7 @@ class Median(PointStage):
         return Points(xyz, points.keyframe[stays])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _filter(
     grid: PointGrid,
     begin: int,
@@ -124,7 +124,7 @@ def _filter(
                 z = median[point]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _neighbours(
     grid: PointGrid,
     around: Int64,
@@ -157,7 +157,7 @@ def _neighbours(
         distance *= 1.5
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nth(values: Float64, others: Float64, n: int, nth: int) -> float:
     """Return the element at index `nth` of the first n values, if they were sorted.
 

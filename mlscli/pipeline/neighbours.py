@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.typing import Int32, Int64
 
 Index = int | np.int64
@@ -13,7 +13,7 @@ Index = int | np.int64
 _DENSE = 4
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
     """Return for each cell the number of the cell at (ix + dx, iy + dy); -1: none.
 
@@ -29,14 +29,14 @@ def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def is_at(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> bool:
     """Tell whether a cell, which may be none, is the one at (x, y)."""
     # Of four comparisons one by one each would be a branch.
     return bool((cell >= 0) & (cell < len(ix)) and (ix[cell] == x) & (iy[cell] == y))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
     """Return the first cell, from one on, that does not come before (x, y)."""
     while cell < len(ix) and (ix[cell] < x or (ix[cell] == x and iy[cell] < y)):
@@ -44,7 +44,7 @@ def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
     return cell
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def place(ix: Int32, iy: Int32, x: Index, y: Index) -> int:
     """Return the first cell of all that does not come before (x, y)."""
     begin, end = 0, len(ix)
@@ -57,7 +57,7 @@ def place(ix: Int32, iy: Int32, x: Index, y: Index) -> int:
     return begin
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def beside(ix: Int32, iy: Int32) -> Int64:
     """Return for each cell the numbers of the four that share an edge with it, (C, 4); -1: none."""
     four = np.empty((len(ix), 4), dtype=np.int64)
@@ -86,7 +86,7 @@ def links(line: Int32) -> tuple[Int32, Int32]:
     return after, before
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _links(line: Int32, least: int, lines: int) -> tuple[Int32, Int32]:
     # No cell needs more than 4 bytes for its number but in maps that fill 100 GB.
     after, before = np.empty(len(line), dtype=np.int32), np.empty(len(line), dtype=np.int32)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Array, Float64, Int32, Int64, UInt64
 
@@ -67,14 +67,14 @@ def order_by_cell(ix: Int32, iy: Int32, z: Float64) -> Ordered:
     return Ordered(order, start, heights)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _locate(xyz: Float64, size: float, ix: Int32, iy: Int32) -> None:
     for i in range(len(xyz)):
         ix[i] = np.int32(np.floor(xyz[i, 0] / size))
         iy[i] = np.int32(np.floor(xyz[i, 1] / size))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _packed(ix: Int32, iy: Int32, z: Float64) -> tuple[UInt64, int]:
     """Return keys that ascend with (ix, iy), and by how many bits a cell is shifted in them.
 
@@ -97,7 +97,7 @@ def _packed(ix: Int32, iy: Int32, z: Float64) -> tuple[UInt64, int]:
     return keys, shift
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bits(value: int) -> int:
     """Return how many bits a number needs."""
     bits = 0
@@ -106,7 +106,7 @@ def _bits(value: int) -> int:
     return bits
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sorted(keys: UInt64, order: Array) -> tuple[UInt64, Array]:
     """Return keys in ascending order and the numbers that go with them; equal keys keep theirs.
 
@@ -139,7 +139,7 @@ def _sorted(keys: UInt64, order: Array) -> tuple[UInt64, Array]:
     return keys, order
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _starts(keys: UInt64, shift: int) -> Int64:
     """Return where runs of equal keys begin, and the end of the last."""
     below = np.uint64(shift)
@@ -156,7 +156,7 @@ def _starts(keys: UInt64, shift: int) -> Int64:
     return start
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ascend(start: Int64, order: Array, z: Float64, heights: Float64) -> None:
     """Order the points of some runs by height, and note the heights."""
     for i in range(start[0], start[-1]):

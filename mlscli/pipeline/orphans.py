@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import onward, place
@@ -57,7 +57,7 @@ class Orphans(MapStage):
         return surface.take(stays)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _look_around(
     begin: int,
     end: int,

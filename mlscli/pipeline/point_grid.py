@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mlscli.cells import pack
+from mlscli.kernels import kernel
 from mlscli.pipeline.ordering import cells_of, order_by_cell
 from mlscli.threads import in_ranges
 from mlscli.typing import Array, Float64, Int64, UInt64
@@ -82,7 +82,7 @@ class PointGrid(NamedTuple):
         return int(first), int(last)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def corner(key: int, side: float) -> tuple[float, float]:
     """Return the least x and y of a column."""
     ix = np.int64(key >> np.uint64(32)) - 2**31
@@ -90,13 +90,13 @@ def corner(key: int, side: float) -> tuple[float, float]:
     return ix * side, iy * side
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def part(offset: float, side: float, divisions: int) -> int:
     """Return in which part of a column's side an offset from its corner lies."""
     return min(max(int(offset * divisions / side), 0), divisions - 1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _divide(grid: PointGrid, begin: int, end: int, xyz: Float64) -> None:
     """Put the points of some columns, which ascend by height, into fine columns.
 
@@ -125,7 +125,7 @@ def _divide(grid: PointGrid, begin: int, end: int, xyz: Float64) -> None:
             points[i] = there
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def columns_around(grid: PointGrid, column: int, around: Int64) -> int:
     """Note the columns that touch a column, and itself; return how many these are."""
     size = 0
@@ -140,7 +140,7 @@ def columns_around(grid: PointGrid, column: int, around: Int64) -> int:
     return size
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gather(
     grid: PointGrid,
     around: Int64,
@@ -190,7 +190,7 @@ def gather(
     return squared, heights, n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lowest_near(xyz: Float64, begin: int, end: int, z: float) -> int:
     """Return the first of some points, which ascend by height, that is not below z."""
     while begin < end:
@@ -202,7 +202,7 @@ def _lowest_near(xyz: Float64, begin: int, end: int, z: float) -> int:
     return begin
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _doubled(buffer: Float64) -> Float64:
     larger = np.empty(2 * len(buffer))
     larger[: len(buffer)] = buffer

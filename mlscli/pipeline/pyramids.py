@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.parameters import Length, comparable, in_units, parameter
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import is_at, onward, place
@@ -87,7 +87,7 @@ class Pyramids(MapStage):
         return surface.with_columns(height=height, depth=depth).take(stays)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lower(
     begin: int,
     end: int,
@@ -153,7 +153,7 @@ def _lower(
     return moved
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _meets_another(
     i: int,
     begin: int,

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.parameters import Cells, Length, in_units, parameter
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import beside
@@ -62,7 +62,7 @@ class Regions(MapStage):
         return surface.with_columns(region=_numbered(region))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _root(parent: Int64, i: int) -> int:
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -70,7 +70,7 @@ def _root(parent: Int64, i: int) -> int:
     return i
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _grow(ix: Int32, iy: Int32, start: Int64, height: Float64, thresh: float) -> Int64:
     """Return for each patch the first patch of its region."""
     parent = np.arange(len(height))
@@ -95,7 +95,7 @@ def _numbered(first: Int64) -> Int32:
     return number.astype(np.int32)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _snapped(
     ix: Int32,
     iy: Int32,

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
 from mlscli.file_order import Columns
+from mlscli.kernels import kernel
 from mlscli.parameters import Length, in_units, parameter
 from mlscli.pipeline.gaps import (
     GapStage,
@@ -111,7 +111,7 @@ def drawn_out(surface: SurfaceMap, farthest: float) -> SurfaceMap:
     return surface.with_columns(height=top, depth=np.where(moved, top - foot, surface.depth))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _draw_out(
     begin: int,
     end: int,

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.scenes.surfaces import Surface, edges
 from mlscli.typing import Array, Bool, Float64, Int64
 
@@ -127,7 +127,7 @@ def _around(surface: Surface) -> list[tuple[float, float, float, float]]:
     return rectangles
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _clip_flat(
     corner: Float64, along: Float64, across: Float64, cell_size: float
 ) -> tuple[Array, ...]:
@@ -172,7 +172,7 @@ def _clip_flat(
     return where[0], where[1], where[2], values[0], values[1], values[2], values[3], values[4]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cells_of(
     corner: Float64, along: Float64, across: Float64, cell_size: float
 ) -> tuple[int, int, int, int]:
@@ -189,7 +189,7 @@ def _cells_of(
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, result: Float64) -> int:
     """Keep of a convex polygon what is beyond an edge, or, with sign -1, on this side of it."""
     kept = 0
@@ -208,7 +208,7 @@ def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, resu
     return kept
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _heights(polygon: Float64, sides: int) -> tuple[float, float, float]:
     """Return the area seen from above, and mean and variance of the heights over it."""
     area = first = second = 0.0
@@ -228,7 +228,7 @@ def _heights(polygon: Float64, sides: int) -> tuple[float, float, float]:
     return area, base + mean, max(0.0, second / area - mean * mean)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _clip_upright(
     corner: Float64, along: Float64, across: Float64, cell_size: float
 ) -> tuple[Array, ...]:

@@ -18,11 +18,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 import mlscli
 from mlscli.cells import pack, unpack
 from mlscli.errors import InputError, UsageError
+from mlscli.kernels import kernel
 from mlscli.patches import linked, runs, upright
 from mlscli.scenes.footprints import Footprints, cells_spanned, footprints
 from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
@@ -197,7 +197,7 @@ def pool(
     return pooled, np.add.reduceat(weight * (variance + apart * apart), first) / total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stretches(
     start: Int64, low: Float64, high: Float64, share: Float64
 ) -> tuple[Int64, Float64, Float64, Float64]:

@@ -10,8 +10,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.scenes.surfaces import Scene, edges
 from mlscli.threads import in_ranges
 from mlscli.typing import Float64, Int32, Int64
@@ -155,7 +155,7 @@ def _squares(low: Float64, high: Float64, side: float) -> Squares:
     return Squares(x, y, side, columns, rows, start, member[order])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _first_seen(
     points: Float64,
     surface: Int32,
@@ -192,7 +192,7 @@ def _first_seen(
     return first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _hidden(camera: Float64, dx: float, dy: float, dz: float, own: int, walls: Any) -> bool:
     """Tell whether a surface other than the point's own stands in the way."""
     squares = walls.squares
@@ -221,7 +221,7 @@ def _hidden(camera: Float64, dx: float, dy: float, dz: float, own: int, walls: A
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _meets(camera: Float64, dx: float, dy: float, dz: float, wall: int, walls: Any) -> bool:
     """Tell whether the way from the camera goes through a surface, not through an opening."""
     normal, corner = walls.normal[wall], walls.corner[wall]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.patches import distance
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int32, Int64
@@ -32,7 +32,7 @@ class Patches(NamedTuple):
         return Patches(*columns)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearby(ix: Int32, iy: Int32, other_ix: Int32, other_iy: Int32, reach: int) -> Int64:
     """Return which of the other map's patches lie within `reach` cells, in x and in y.
 
@@ -55,7 +55,7 @@ def nearby(ix: Int32, iy: Int32, other_ix: Int32, other_iy: Int32, reach: int) -
     return near
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _first_from(start: int, ix: Int32, iy: Int32, x: int, y: int) -> int:
     """Return the first patch, from `start` on, whose cell does not come before (x, y)."""
     i = start
@@ -64,7 +64,7 @@ def _first_from(start: int, ix: Int32, iy: Int32, x: int, y: int) -> int:
     return i
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def covered(
     low: Float64,
     high: Float64,
@@ -80,7 +80,7 @@ def covered(
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_covered(
     low: float, high: float, near: Int64, other_low: Float64, other_high: Float64, margin: float
 ) -> bool:
@@ -100,7 +100,7 @@ def _is_covered(
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearest(
     height: Float64, near: Int64, other_low: Float64, other_high: Float64, farthest: float
 ) -> Int64:
@@ -126,7 +126,7 @@ def nearest(
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def match(
     height: Float64,
     start: Int64,
@@ -175,7 +175,7 @@ def match(
     return matched
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest_free(begin: int, end: int, height: Float64, matched: Int64, z: float) -> int:
     """Return the patch of ``begin`` to ``end`` nearest to z that has no match; -1: none."""
     free = -1

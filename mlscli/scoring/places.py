@@ -16,8 +16,8 @@ along y, is ``in_hole``: a hole in the ground. One within a cell of a true patch
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.patches import distance, runs
 from mlscli.scoring.kernels import Patches, nearby
 from mlscli.surface_map import ARTIFICIAL, ORIGINS, PLASTERED
@@ -72,7 +72,7 @@ def _between(line: Int32, position: Int32, true_line: Int32, true_position: Int3
     return inside
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _places(
     low: Float64,
     high: Float64,

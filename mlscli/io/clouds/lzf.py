@@ -8,8 +8,8 @@ distance; the bytes that far back are repeated, two more than the length.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.typing import UInt8
 
 _MOST_PER_BYTE = 88
@@ -22,7 +22,7 @@ def decompress(data: UInt8, size: int) -> UInt8:
     return out[: _decompress(np.ascontiguousarray(data), out)]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _decompress(data: UInt8, out: UInt8) -> int:
     read = written = 0
     while read < len(data) and written < len(out):

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mlscli.kernels import kernel
 from mlscli.typing import Array, Int64, UInt8
 
 _BLOCK = 1 << 16
@@ -125,7 +125,7 @@ def _listed(data: UInt8, at: Int64, length: str) -> Int64:
     return np.stack([at + np.dtype(length).itemsize, items], axis=1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _walk(
     data: UInt8,
     sizes: Int64,

@@ -1,0 +1,59 @@
+"""How kernels are compiled: once, kept on disk, and never without a word.
+
+A kernel is compiled when it is first called, and loaded from then on: numba keeps it beside its
+source, or in the user's cache where that cannot be written, or in the folder that
+``NUMBA_CACHE_DIR`` names. Where no folder can be written, it is compiled anew in every run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from numba import njit
+from numba.core import event
+
+from mlscli.notices import notice
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+SECONDS = 15
+"""About how long all kernels take to compile, on one core."""
+
+
+def kernel(function: Function) -> Function:
+    """Return a function that is compiled for the types it is called with.
+
+    It releases the interpreter's lock, and is compiled serially: threads take ranges of the work.
+    """
+    try:
+        compiled = njit(cache=True, nogil=True)(function)
+    except RuntimeError:
+        _Compiling.kept = False
+        compiled = njit(nogil=True)(function)
+    return cast("Function", compiled)
+
+
+class _Compiling(event.Listener):
+    """Says that kernels are compiled, once, as soon as the first is; what is loaded is no event."""
+
+    kept = True
+    _said = False
+
+    def on_start(self, event: event.Event) -> None:  # noqa: ARG002
+        if self._said:
+            return
+        self._said = True
+        if self.kept:
+            notice(f"compiling kernels, once (about {SECONDS} s for all)")
+        else:
+            notice(
+                f"compiling kernels (about {SECONDS} s for all) in every run, for no folder to "
+                "keep them in can be written; NUMBA_CACHE_DIR names one"
+            )
+
+    def on_end(self, event: event.Event) -> None:
+        """Say nothing more."""
+
+
+event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call, unused-ignore]
