@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
@@ -14,6 +14,8 @@ from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Array, Float64, Int64
 
 UNKNOWN_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
+
+KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +176,11 @@ class Source(Protocol):
 
     def poses(self, topic: str) -> Iterator[StampedPoses]:
         """Tell the poses of a topic; none where there is no such topic."""
+
+
+def keyframe_field(names: Iterable[str]) -> str | None:
+    """Return the name of the field or channel that tells each point's keyframe, if there is one."""
+    return next((name for name in KEYFRAME_FIELDS if name in names), None)
 
 
 def rows_by_first_appearance(labels: Array) -> list[Int64]:

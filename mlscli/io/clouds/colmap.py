@@ -161,8 +161,7 @@ def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
                 images.append(_Image(words[9].strip(), int(words[0]), _camera(pose)))
             except ValueError:
                 tally.fault(line)
-            else:
-                next(lines, "")
+            next(lines, "")
     return images, tally.losses(len(images), "images")
 
 

@@ -17,9 +17,9 @@ import laspy
 import numpy as np
 
 from mlscli.errors import InputError
+from mlscli.io.base import keyframe_field
 from mlscli.io.clouds.laz import check_packing, needs_table, readable_points
 from mlscli.io.clouds.pointfile import (
-    KEYFRAME_FIELDS,
     Content,
     PointFile,
     by_keyframe,
@@ -107,7 +107,7 @@ class LasCloud(PointFile):
                     laz_backend=laspy.LazBackend.Lazrs,
                     read_evlrs=False,
                 )
-                label = _keyframe_dimension(reader.header)
+                label = keyframe_field(set(reader.header.point_format.extra_dimension_names))
                 for step in steps:
                     if not left:
                         break
@@ -153,8 +153,3 @@ class _OneWay(io.RawIOBase):
         data = self._file.read(len(buffer))
         buffer[: len(data)] = data
         return len(data)
-
-
-def _keyframe_dimension(header: laspy.LasHeader) -> str | None:
-    names = list(header.point_format.extra_dimension_names)
-    return next((name for name in KEYFRAME_FIELDS if name in names), None)

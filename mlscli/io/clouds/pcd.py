@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError
+from mlscli.io.base import keyframe_field
 from mlscli.io.clouds.lzf import decompress
 from mlscli.io.clouds.pointfile import (
-    KEYFRAME_FIELDS,
     Content,
     PointFile,
     by_keyframe,
@@ -146,8 +146,8 @@ class PcdCloud(PointFile):
             raise InputError(
                 f"{self.path}: has the FIELDS {names or 'none'}, expected one number x, y and z"
             )
-        keyframe = [numbers[name] for name in KEYFRAME_FIELDS if name in numbers][:1]
-        return [numbers["x"], numbers["y"], numbers["z"], *keyframe]
+        keyframe = keyframe_field(numbers)
+        return [numbers[name] for name in ("x", "y", "z", keyframe) if name is not None]
 
     def _rows(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
         """Return the wanted columns of a text, and what is wrong with its first broken row."""

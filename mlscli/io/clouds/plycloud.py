@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mlscli.errors import InputError
+from mlscli.io.base import keyframe_field
 from mlscli.io.clouds.pointfile import (
-    KEYFRAME_FIELDS,
     Content,
     PointFile,
     by_keyframe,
@@ -122,8 +122,8 @@ class PlyCloud(PointFile):
                 f"{self.path}: the element vertex has the properties {names or 'none'}, expected "
                 "a number x, y and z"
             )
-        keyframe = [numbers[name] for name in KEYFRAME_FIELDS if name in numbers][:1]
-        return [numbers["x"], numbers["y"], numbers["z"], *keyframe]
+        keyframe = keyframe_field(numbers)
+        return [numbers[name] for name in ("x", "y", "z", keyframe) if name is not None]
 
     def _records(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]
@@ -179,7 +179,10 @@ class _Picker(NamedTuple):
         starts, at = [], 0
         for field in self.fields:
             starts.append(at)
-            at += 1 + int(str(row[at])) if field.length else 1
+            items = int(str(row[at])) if field.length else 0
+            if items < 0:
+                raise ValueError
+            at += 1 + items
         if at > len(row):
             raise IndexError
         return [row[starts[place]] for place in self.places]

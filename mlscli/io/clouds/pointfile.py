@@ -23,9 +23,6 @@ from mlscli.io.base import (
 from mlscli.keyframes import UNKNOWN_POSITION
 from mlscli.typing import Array, Float64
 
-KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
-"""What a field that tells the points of several keyframes apart is named."""
-
 
 class Content(NamedTuple):
     """What a file holds: its keyframes in order, and what the user should know of them.

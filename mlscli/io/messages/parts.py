@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
 from mlscli.io.base import rows_by_first_appearance
+from mlscli.poses import Pose, apply
 from mlscli.typing import Array, Float64
-
-KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
-"""Names of the field or channel that tells the keyframe of each point."""
 
 _NANOSECONDS = 10**9
 
@@ -87,11 +85,6 @@ def seconds(time: Any) -> float:
     return (int(whole) * _NANOSECONDS + int(nanoseconds)) / _NANOSECONDS
 
 
-def keyframe_field(names: Iterable[str]) -> str | None:
-    """Return the name of the field that tells keyframes apart, if there is one."""
-    return next((name for name in KEYFRAME_FIELDS if name in names), None)
-
-
 def stacked(columns: Sequence[Array]) -> Float64:
     """Return columns of one shape, of any numbers, as float64 rows."""
     rows = np.empty((columns[0].size, len(columns)))
@@ -115,11 +108,8 @@ def placed(points: Float64, pose: Any) -> Float64:
     length = np.sqrt(np.square(quaternion).sum())
     if not np.isfinite(length):
         return np.full_like(points, np.nan)
-    if length and quaternion[:3].any():
-        from scipy.spatial.transform import Rotation
-
-        points = Rotation.from_quat(quaternion).apply(points)
-    return points + np.array([shift.x, shift.y, shift.z], dtype=np.float64)
+    translation = np.array([shift.x, shift.y, shift.z], dtype=np.float64)
+    return apply(Pose(translation, quaternion), points)
 
 
 _P = ParamSpec("_P")

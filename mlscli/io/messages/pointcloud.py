@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from mlscli.io.messages.parts import MalformedCloudError, Part, keyframe_field, part_of, vectors
+from mlscli.io.base import keyframe_field
+from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, vectors
 
 
 def decode_pointcloud(message: Any) -> list[Part]:

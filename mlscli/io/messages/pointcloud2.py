@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.io.messages.parts import MalformedCloudError, Part, keyframe_field, part_of, stacked
+from mlscli.io.base import keyframe_field
+from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, stacked
 from mlscli.typing import Array, Float64
 
 # sensor_msgs/PointField: the number of a datatype and what it stands for.

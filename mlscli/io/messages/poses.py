@@ -16,14 +16,11 @@ import numpy as np
 
 from mlscli.io.base import StampedPoses
 from mlscli.io.messages.parts import checked, seconds
+from mlscli.poses import tells_pose, unit
+from mlscli.transforms import bare
 
 # Parent frame, child frame, time, position, orientation.
 _Row: TypeAlias = tuple[str, str, Any, Any, Any]
-
-
-def frame_name(frame_id: str) -> str:
-    """Return the name of a frame as tf2 has it; the first tf began names with a slash."""
-    return frame_id.lstrip("/")
 
 
 def _odometry(message: Any) -> Iterator[_Row]:
@@ -85,7 +82,7 @@ def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[Sta
     def decode(message: Any) -> list[StampedPoses]:
         tables: dict[tuple[str, str], list[tuple[float, ...]]] = {}
         for parent, child, time, at, turn in rows(message):
-            tables.setdefault((frame_name(parent), frame_name(child)), []).append(
+            tables.setdefault((bare(parent), bare(child)), []).append(
                 (seconds(time), at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
             )
         return [_poses(table, *frames) for frames, table in tables.items()]
@@ -95,13 +92,10 @@ def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[Sta
 
 def _poses(rows: list[tuple[float, ...]], parent: str, child: str) -> StampedPoses:
     table = np.array(rows, dtype=np.float64)
-    lengths = np.sqrt(np.square(table[:, 4:]).sum(axis=1))
-    good = np.isfinite(table).all(axis=1) & np.isfinite(lengths) & (lengths > 0)
-    table, lengths = table[good], lengths[good]
+    good = tells_pose(table[:, 0], table[:, 1:4], table[:, 4:])
     refused = int(np.count_nonzero(~good))
-    return StampedPoses(
-        table[:, 0], table[:, 1:4], table[:, 4:] / lengths[:, None], parent, child, refused
-    )
+    table = table[good]
+    return StampedPoses(table[:, 0], table[:, 1:4], unit(table[:, 4:]), parent, child, refused)
 
 
 POSE_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {

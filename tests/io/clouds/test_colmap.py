@@ -358,3 +358,14 @@ def test_broken_lines_of_a_text_are_left_out_and_told(tmp_path: Path) -> None:
     assert [cloud.points[:, 0].tolist() for cloud in source.clouds()] == [[1, 3], [], [4, 5]]
     assert "1 of 3 images are missing: the first broken line is 'nine 0.7" in source.losses[0]
     assert "1 of 5 points are missing: the first broken line is '1 2.0 zero" in source.losses[1]
+
+
+def test_a_broken_image_is_one_whatever_its_features(tmp_path: Path) -> None:
+    model = write_text(tmp_path / "m", [image._replace(features=3) for image in IMAGES], POINTS)
+    text = (model / "images.txt").read_text().replace("9 0.7", "nine 0.7")
+    # Nothing but the lines themselves says how many there are.
+    (model / "images.txt").write_text(text.replace("# Number of images", "# Images"))
+    source = ColmapModel(model)
+
+    assert [cloud.points[:, 0].tolist() for cloud in source.clouds()] == [[1, 3], [2], [4, 5]]
+    assert "1 of 3 images are missing: the first broken line is 'nine 0.7" in source.losses[0]

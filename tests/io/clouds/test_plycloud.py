@@ -297,6 +297,17 @@ def test_after_a_broken_element_no_vertex_is_guessed(tmp_path: Path) -> None:
     assert read(tmp_path / "a.ply")[0] == [[]]
 
 
+def test_a_list_of_less_than_nothing_is_a_broken_row(tmp_path: Path) -> None:
+    header = ["element vertex 3", "property list int int l", *XYZ]
+    body = b"1 9 1 2 3\n-1 4 5 6 7\n-4 4 5 6\n"
+    (tmp_path / "a.ply").write_bytes(ply("ascii", *header, body=body))
+
+    found, losses = read(tmp_path / "a.ply")
+
+    assert found == [[[1, 2, 3]]]
+    assert "2 of 3 points are missing: the first is 2, found '-1 4 5 6 7'" in losses[0]
+
+
 def test_a_row_without_all_its_numbers_is_no_point(tmp_path: Path) -> None:
     header = ["element vertex 4", *XYZ, "property float a"]
     for broken in (b"4 5 6", b"4 5\n6 0"):
