@@ -16,6 +16,8 @@ LARGEST = 1 << 32
 # A block of zstd can be 30,000 times as large decompressed.
 _PIECE = 1 << 14
 _SMALL_PIECE = 1 << 8
+# About what a chunk of a bag holds.
+_LZ4_PIECE = 1 << 20
 
 
 def decompress(data: bytes, method: str, size: int) -> bytes:
@@ -128,9 +130,16 @@ def _whole(method: str) -> Callable[[bytes, int], bytes]:
 def _lz4(data: bytes, size: int) -> bytes:
     import lz4.frame
 
-    # What a frame states would be allocated.
-    _compare(lz4.frame.get_frame_info(data)["content_size"] or size, size)
-    return bytes(lz4.frame.decompress(data))
+    # Piece by piece: what is asked for is allocated, whatever comes.
+    frame: Any = lz4.frame.LZ4FrameDecompressor()
+    pieces = [bytes(frame.decompress(data, min(size + 1, _LZ4_PIECE)))]
+    have = len(pieces[0])
+    while pieces[-1] and not frame.eof and have <= size:
+        pieces.append(bytes(frame.decompress(b"", min(size + 1 - have, _LZ4_PIECE))))
+        have += len(pieces[-1])
+    if not frame.eof:
+        raise DamagedError(f"lz4: it breaks off, or holds more than {size:,} bytes")
+    return b"".join(pieces)
 
 
 def _zstd(data: bytes, size: int) -> bytes:

@@ -23,14 +23,21 @@ def zstd_without_size(data: bytes) -> bytes:
     return zstandard.ZstdCompressor(write_content_size=False).compress(data)
 
 
+def lz4_without_size(data: bytes) -> bytes:
+    packed: bytes = lz4.frame.compress(data, store_size=False)
+    return packed
+
+
 FRAMES: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
     "bz2": ("bz2", bz2.compress),
     "lz4": ("lz4", lz4.frame.compress),
+    "lz4 without size": ("lz4", lz4_without_size),
     "zstd": ("zstd", zstandard.compress),
     "zstd without size": ("zstd", zstd_without_size),
     "none": ("none", bytes),
 }
 EVERY_FRAME = pytest.mark.parametrize("name", list(FRAMES))
+EVERY_METHOD = pytest.mark.parametrize("name", [name for name in FRAMES if name != "none"])
 
 
 @EVERY_FRAME
@@ -40,7 +47,7 @@ def test_a_chunk_is_what_was_compressed(name: str) -> None:
     assert decompress(compress(data), method, len(data)) == data
 
 
-@pytest.mark.parametrize("name", ["bz2", "lz4", "zstd", "zstd without size"])
+@EVERY_METHOD
 def test_a_chunk_larger_than_declared_is_damaged_before_it_is_held(name: str) -> None:
     method, compress = FRAMES[name]
     packed = compress(bytes(50_000_000))
@@ -48,13 +55,22 @@ def test_a_chunk_larger_than_declared_is_damaged_before_it_is_held(name: str) ->
         decompress(packed, method, 4096)
 
 
-@pytest.mark.parametrize("name", ["bz2", "lz4", "zstd", "zstd without size"])
+@EVERY_METHOD
 def test_a_chunk_smaller_than_declared_is_damaged(name: str) -> None:
     method, compress = FRAMES[name]
     for size in (5001, 1 << 31, 1 << 63):
         # bz2 itself needs 4 MB.
         with allocating_less_than(8_000_000), pytest.raises(DamagedError):
             decompress(compress(bytes(5000)), method, size)
+
+
+@EVERY_METHOD
+def test_a_chunk_without_its_end_is_damaged(name: str) -> None:
+    method, compress = FRAMES[name]
+    packed = compress(random.Random(3).randbytes(300_000))
+    for end in (0, 3, len(packed) // 2):
+        with pytest.raises(DamagedError):
+            decompress(packed[:end], method, 300_000)
 
 
 @EVERY_FRAME
