@@ -75,7 +75,9 @@ def unknown(count: int) -> Poses:
 
 def tells_pose(stamps: Float64, translations: Float64, rotations: Float64) -> Bool:
     """Tell which rows (N,) are poses: all is finite, and the quaternion has a length."""
-    lengths = np.linalg.norm(rotations, axis=1)
+    # One too long to be told is none.
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(rotations, axis=1)
     told = np.isfinite(stamps) & np.isfinite(translations).all(axis=1)
     return np.asarray(told & np.isfinite(lengths) & (lengths > 0))
 

@@ -110,8 +110,11 @@ def is_trajectory(rows: Iterable[Sequence[str]]) -> bool:
         values = np.array(some, dtype=np.float64)
     except ValueError:
         return False
-    lengths = np.sqrt(np.square(values[:, 4:]).sum(axis=1))
-    return bool((np.diff(values[:, 0]) > 0).all() and (np.abs(lengths - 1) < _ROUNDED).all())
+    # Any numbers can stand in a text; what comes of them is only compared.
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.sqrt(np.square(values[:, 4:]).sum(axis=1))
+        grows = (np.diff(values[:, 0]) > 0).all()
+        return bool(grows and (np.abs(lengths - 1) < _ROUNDED).all())
 
 
 def _trajectory(path: Path, rows: Float64) -> Trajectory:

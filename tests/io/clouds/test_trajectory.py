@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError
-from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
+from mlscli.io.clouds.trajectory import Trajectory, is_trajectory, read_trajectory
 
 
 def read(tmp_path: Path, content: str | bytes) -> Trajectory:
@@ -161,3 +161,17 @@ def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
         file.truncate(1 << 31)
     with pytest.raises(InputError, match="at most 1 GB"):
         read_trajectory(huge)
+
+
+@pytest.mark.parametrize(
+    "stamps_and_first_of_quaternion",
+    [[("1", "1e300")], [("-inf", "0"), ("-inf", "0")], [("-1.7e308", "0"), ("1.7e308", "1e200")]],
+)
+def test_numbers_beyond_all_measure_are_no_trajectory_and_no_warning(
+    tmp_path: Path, stamps_and_first_of_quaternion: list[tuple[str, str]]
+) -> None:
+    rows = [[stamp, *"000", x, *"001"] for stamp, x in stamps_and_first_of_quaternion]
+    assert not is_trajectory(rows)
+    rows.append(["3", *"000", *"0001"])
+    (tmp_path / "a.txt").write_text("\n".join(" ".join(row) for row in rows))
+    assert len(read_trajectory(tmp_path / "a.txt").stamps) > 0
