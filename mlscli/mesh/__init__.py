@@ -65,6 +65,8 @@ class Mesh:
         Indices of vertices.
     points : int32 (N,)
         Indices of vertices that are shown for themselves.
+    patch : int32 (V,)
+        The patch, of those that are in the mesh, that a vertex belongs to; -1: it is of the route.
     """
 
     vertices: Float64
@@ -73,6 +75,7 @@ class Mesh:
     triangles: Int32
     lines: Int32
     points: Int32
+    patch: Int32
 
     def group(self, elements: Int32) -> UInt8:
         """Return the group of each element, uint8 (E,): the greatest of its vertices.
@@ -245,4 +248,5 @@ def _assemble(
         triangles=np.concatenate(triangles).astype(np.int32),
         lines=lines.astype(np.int32),
         points=(np.empty(0) if points is None else points).astype(np.int32),
+        patch=np.concatenate((patch, np.full(len(route), NONE))).astype(np.int32),
     )

@@ -35,10 +35,13 @@ class Vertices(NamedTuple):
     position : float64 (V, 3)
         In the map frame.
     colour : uint8 (V, 3)
+    patch : int32 (V,), optional
+        The patch of the map that each belongs to, -1: none; None: all belong to none.
     """
 
     position: Float64
     colour: UInt8
+    patch: Int32 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +91,8 @@ def picture(
     """
     when = appearing(surface)
     mesh = build_mesh(surface) if mesh is None else mesh
-    vertices = {"mesh": Vertices(mesh.vertices, mesh.colours)}
-    layers = [*_triangles(surface, mesh, when), _ground_route(surface, mesh)]
+    vertices = {"mesh": Vertices(mesh.vertices, mesh.colours, mesh.patch)}
+    layers = [*_triangles(mesh, when), _ground_route(surface, mesh)]
     vertices["patches"], patches = _patches(surface, when)
     vertices["track"], track = _track(surface)
     layers += [track, *patches]
@@ -112,27 +115,14 @@ def faces(mesh: Mesh) -> dict[str, Int32]:
     }
 
 
-def _triangles(surface: SurfaceMap, mesh: Mesh, appears: Int32) -> list[Layer]:
+def _triangles(mesh: Mesh, appears: Int32) -> list[Layer]:
     """Return surfaces, walls, and what of both is artificial."""
-    when = appears[_patch_of(surface, mesh.vertices)]
+    # What belongs to no patch is no corner of a triangle.
+    when = np.append(appears, np.int32(0))[mesh.patch]
     return [
         _sorted(name, "mesh", triangles, when[triangles].max(axis=1, initial=0))
         for name, triangles in faces(mesh).items()
     ]
-
-
-def _patch_of(surface: SurfaceMap, places: Float64) -> Int64:
-    """Return the patch of which each place on a mesh is the nearest end, int64 (V,)."""
-    if not surface.size:
-        return np.zeros(len(places), dtype=np.int64)
-
-    from scipy.spatial import cKDTree
-
-    top = patch_places(surface)
-    foot = np.column_stack((top[:, :2], surface.low_end))
-    _, nearest = cKDTree(np.concatenate((top, foot))).query(places)
-    patch: Int64 = nearest % surface.size
-    return patch
 
 
 def _ground_route(surface: SurfaceMap, mesh: Mesh) -> Layer:
@@ -175,7 +165,8 @@ def _patches(surface: SurfaceMap, appears: Int32) -> tuple[Vertices, list[Layer]
     colour = patch_colours(height[:, 2], origin, *height_range(surface))
     number = np.arange(surface.size)
     lines = np.column_stack((upright, surface.size + np.arange(len(upright))))
-    return Vertices(height, colour), [
+    patch = np.concatenate((number, upright)).astype(np.int32)
+    return Vertices(height, colour, patch), [
         _sorted("patches", "patches", number[:, None], appears, shown=False),
         _sorted("depths", "patches", lines, appears[upright], shown=False),
     ]

@@ -19,9 +19,10 @@ import numpy as np
 
 from mlscli.errors import OutputError
 from mlscli.io.atomic import atomic_write
-from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN, height_range, height_scale
+from mlscli.mesh.colours import ROUTE_GREEN, height_scale
 from mlscli.surface_map import ORIGINS, SurfaceMap
 from mlscli.typing import Array, Float64
+from mlscli.view.colourings import colourings
 from mlscli.view.layers import Picture, picture
 
 SCRIPTS = ("data.js", "camera.js", "scene.js", "page.js")
@@ -114,7 +115,8 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
                 "position": pieces.add((position - origin).astype("<f4")),
                 "colour": pieces.add(colour),
             }
-            for name, (position, colour) in shown.vertices.items()
+            | ({} if patch is None else {"patch": pieces.add_differences(patch)})
+            for name, (position, colour, patch) in shown.vertices.items()
         }
     layers = [
         {
@@ -134,6 +136,16 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
     patches |= {
         name: pieces.add(getattr(surface, name)) for name in ("height", "depth", "origin", "count")
     }
+    ways = [
+        {
+            "name": way.name,
+            "label": way.label,
+            "ends": way.ends,
+            "kinds": way.kinds,
+            "colour": pieces.add(way.colour),
+        }
+        for way in colourings(surface)
+    ]
     times = surface.route[:, 0]
     known = np.isfinite(times)
     header = {
@@ -142,13 +154,12 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
         "cell_size": surface.cell_size,
         "origin": origin.tolist(),
         "box": [(low - origin).tolist(), (high - origin).tolist()],
-        "heights": height_range(surface),
         "scale": [int(channel) for channel in height_scale()[::15].ravel()],
-        "red": ARTIFICIAL_RED,
         "green": ROUTE_GREEN,
         "origins": ORIGINS,
         "keyframes": len(surface.route),
         "times": (times - times[0]).tolist() if len(times) and known.all() else None,
+        "colourings": ways,
         "vertices": vertices,
         "layers": layers,
         "patches": patches,

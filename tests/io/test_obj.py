@@ -54,7 +54,7 @@ def test_every_channel_value_survives(tmp_path: Path) -> None:
     ramp = np.repeat(np.arange(256, dtype=np.uint8)[:, None], 3, axis=1)
     none = np.empty((0, 3), dtype=np.int32)
     origin = np.zeros(256, dtype=np.uint8)
-    mesh = Mesh(np.zeros((256, 3)), ramp, origin, none, none[:, :2], none[:, 0])
+    mesh = Mesh(np.zeros((256, 3)), ramp, origin, none, none[:, :2], none[:, 0], none[:, 0])
     write_obj(tmp_path / "a.obj", mesh)
     rows = [values for keyword, values in statements(tmp_path / "a.obj") if keyword == "v"]
     assert [int(float(row[3]) * 255) for row in rows] == list(range(256))

@@ -16,7 +16,7 @@ import pytest
 
 from mlscli import mesh as mesh_module
 from mlscli.errors import InputError, UsageError
-from mlscli.mesh import GROUPS, ROUTE, ROUTE_LIFT, Mesh, Style, build_mesh
+from mlscli.mesh import GROUPS, ROUTE, ROUTE_LIFT, STYLES, Mesh, Style, build_mesh
 from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN
 from mlscli.surface_map import ARTIFICIAL, MEASURED, SurfaceMap
 from mlscli.typing import Float64
@@ -73,6 +73,20 @@ def test_no_triangle_is_folded_onto_its_neighbour(seed: int) -> None:
     for ways in across.values():
         for i, way in enumerate(ways):
             assert all(way @ other < 1 - 1e-9 for other in ways[:i])
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_every_vertex_lies_in_the_patch_that_it_names(style: Style) -> None:
+    surface = house()
+    mesh = build_mesh(surface, style)
+    assert ((mesh.patch < 0) == (mesh.origin == ROUTE)).all()
+    drawn = mesh.patch >= 0
+    patch, place = mesh.patch[drawn], mesh.vertices[drawn]
+    cell = np.floor(place[:, :2] / surface.cell_size).astype(int)
+    assert cell.tolist() == np.column_stack((surface.ix, surface.iy))[patch].tolist()
+    assert (place[:, 2] <= surface.height[patch]).all()
+    assert (place[:, 2] >= surface.low_end[patch]).all()
+    assert set(patch.tolist()) == set(range(surface.size))
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -126,13 +126,13 @@ def test_the_cursor_reads_what_is_seen_from_above_and_from_below(page: Browser) 
 def test_the_cursor_reads_the_patch_of_the_cell_under_it(page: Browser) -> None:
     page.key("t")
     x, y = middle(page)
-    places = [(x + dx, y + dy) for dx in (-150, -120, 120, 170) for dy in (-150, 0, 150)]
+    places = [(x + dx, y + dy) for dx in (-140, -110, 110, 150) for dy in (-140, 0, 140)]
     for place in places:
         told = readout(page, *place)
         assert told["height"] == pytest.approx(ground(int(np.floor(told["x"] / CELL))), abs=1e-3)
     # Where the cursor moves right, x grows, and where it moves down, y falls.
-    left, right = readout(page, x - 180, y), readout(page, x + 180, y)
-    above, below = readout(page, x + 180, y - 100), readout(page, x + 180, y + 100)
+    left, right = readout(page, x - 150, y), readout(page, x + 150, y)
+    above, below = readout(page, x + 150, y - 100), readout(page, x + 150, y + 100)
     assert left["x"] < -CELL < CELL < right["x"]
     assert below["y"] < right["y"] < above["y"]
     assert right["y"] == pytest.approx(0, abs=CELL)
@@ -176,6 +176,65 @@ def test_walls_are_seen_from_the_side_and_switched_alone(page: Browser) -> None:
     assert broadside > 2 * edge_on
     page.click("#layer-walls")
     assert painted(page) < broadside / 3
+
+
+def test_colours_stand_for_what_is_chosen(page: Browser) -> None:
+    names = page.evaluate("[...document.querySelector('#colouring').options].map((o) => o.value)")
+    assert names == ["height", "origin", "variance", "count", "time"]
+    page.key("t")
+    x, y = (int(place) for place in middle(page))
+    # West and east of the deck, away from what is artificial: the flight went from west to east.
+    rows = slice(y + 90, y + 120)
+    west, east = (rows, slice(x - 150, x - 110)), (rows, slice(x + 110, x + 150))
+    by_height, red = page.picture(), reddish(page.picture())
+    page.evaluate(CHOOSE % "time")
+    page.settle()
+    by_time = page.picture()
+    assert hue(by_time, west) == "blue"
+    assert hue(by_time, east) == "red"
+    assert (page.text("#lowest"), page.text("#highest")) == ("0", "20")
+    assert "artificial" in page.text("#kinds")
+    assert reddish(by_time) == pytest.approx(red, rel=0.05)
+    page.evaluate(CHOOSE % "origin")
+    page.settle()
+    by_origin = page.picture()
+    assert (by_origin[west].reshape(-1, 3) == by_origin[east].reshape(-1, 3)[0]).all()
+    assert page.evaluate("document.querySelector('#ramp').hidden")
+    assert reddish(by_origin) == pytest.approx(red, rel=0.05)
+    for _ in range(4):
+        page.key("c")
+    assert (page.picture() == by_height).all()
+    assert hue(by_height, west) == hue(by_height, east) == "blue"
+    assert page.errors == []
+
+
+CHOOSE = (
+    "(() => { const c = document.querySelector('#colouring'); c.value = '%s';"
+    "c.dispatchEvent(new Event('change')); })()"
+)
+
+
+def hue(picture: Array, part: tuple[slice, slice]) -> str:
+    """Tell which is more in a part of a picture, red or blue."""
+    red, _, blue = picture[part].reshape(-1, 3).mean(axis=0)
+    return "red" if red > blue else "blue"
+
+
+def test_the_whole_is_seen_beside_the_panel_its_broad_side_in_front(
+    browser: Browser, tmp_path: Path
+) -> None:
+    for long_in_x in (True, False):
+        places = [(i, j) if long_in_x else (j, i) for i in range(60) for j in range(6)]
+        surface = map_of([Patch(x, y, 0.1 * (x + y), 0.0, 0, 1) for x, y in places])
+        page = opened(browser, tmp_path / f"{long_in_x}.html", surface)
+        picture = page.picture().astype(int)
+        colourful = picture.max(axis=2) - picture.min(axis=2) > 24
+        colourful[:, :250] = False
+        colourful[-110:] = False
+        columns = np.flatnonzero(colourful.any(axis=0))
+        assert columns[0] > 255
+        assert columns[-1] < 1000 - 255
+        assert columns[-1] - columns[0] > 300
 
 
 def test_the_slider_uncovers_the_map(page: Browser) -> None:
@@ -236,7 +295,7 @@ def test_far_from_the_origin_nothing_is_lost(browser: Browser, tmp_path: Path) -
     page = opened(browser, tmp_path / "far.html", crossing(FAR))
     page.key("t")
     x, y = middle(page)
-    told = readout(page, x + 180, y)
+    told = readout(page, x + 150, y)
     cell = int(np.floor(told["x"] / CELL)) - FAR
     assert 5 <= cell < WIDE
     assert told["height"] == pytest.approx(ground(cell), abs=1e-3)

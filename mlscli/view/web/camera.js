@@ -13,15 +13,22 @@ const cross = (a, b) => [
 class Camera {
   constructor(low, high, cell) {
     this.middle = low.map((value, i) => (value + high[i]) / 2);
-    // Around what is to be seen, and never smaller than a few cells.
-    this.radius = Math.max(Math.hypot(...add(high, low, -1)) / 2, 2 * cell);
-    this.reset();
+    // Half of what is to be seen, and never smaller than a few cells.
+    this.half = low.map((value, i) => Math.max((high[i] - value) / 2, cell));
+    this.radius = Math.hypot(...this.half);
   }
 
-  reset() {
-    this.look(-110, 40);
+  // Look at the broad side of the whole, as near as it fits into a part of the view in pixels.
+  reset(width, height) {
+    this.look(this.half[1] > 1.2 * this.half[0] ? -20 : -110, 40);
     this.target = [...this.middle];
-    this.distance = this.radius / Math.sin(FIELD_OF_VIEW / 2);
+    const { right, up, back } = this.axes(), across = Math.tan(FIELD_OF_VIEW / 2);
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(
+      (corner) => this.half.map((value, i) => (corner >> i & 1 ? value : -value)),
+    );
+    this.distance = Math.max(...corners.map((corner) => dot(corner, back) + 1.08 / across * Math.max(
+      Math.abs(dot(corner, right)) * height / width, Math.abs(dot(corner, up)),
+    )));
   }
 
   look(yaw, pitch) {

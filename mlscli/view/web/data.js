@@ -22,6 +22,7 @@ async function load() {
     layer.elements = new Uint32Array(array(layer.elements));
     layer.when = array(layer.when);
   }
+  for (const way of header.colourings) way.colour = array(way.colour);
   header.patches = arrays(header.patches);
   return header;
 }

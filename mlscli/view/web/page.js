@@ -1,6 +1,9 @@
 // The page around the picture: layers, legend, what is under the cursor, the flight, and keys.
 
 const element = (id) => document.getElementById(id);
+const made = (tag, text = "") => Object.assign(document.createElement(tag), { textContent: text });
+// A number in as few digits as a scale needs.
+const short = (value) => `${Number(value.toPrecision(3))}`;
 const LABELS = {
   surface: "Surfaces", walls: "Walls", artificial: "Artificial (uncertain)",
   route: "Route on the ground", track: "Route in the air", patches: "Patches as points",
@@ -14,6 +17,11 @@ async function main() {
   const canvas = element("canvas");
   const scene = new Scene(canvas, map);
   const camera = new Camera(...map.box, map.cell_size);
+  // The view is held by the part of the window that is as far from its middle as the panel.
+  const whole = () => camera.reset(
+    Math.max(canvas.clientWidth - 520, canvas.clientWidth / 2), canvas.clientHeight,
+  );
+  whole();
   const last = Math.max(map.keyframes - 1, 0);
   const state = { latest: last, cursor: null, dirty: true, playing: null, background: [1, 1, 1] };
   const digits = Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(map.cell_size))));
@@ -59,30 +67,55 @@ async function main() {
 
   function showLayers() {
     map.layers.forEach((layer, place) => {
+      if (!layer.when.length) return;
       const box = Object.assign(document.createElement("input"), {
         type: "checkbox", id: `layer-${layer.name}`, checked: layer.shown,
-        disabled: !layer.when.length,
       });
       box.addEventListener("change", () => { layer.shown = box.checked; redraw(); });
-      const label = document.createElement("label");
-      const held = document.createElement("small");
-      held.textContent = layer.when.length.toLocaleString("en");
-      label.append(box, ` ${LABELS[layer.name]} `, held);
+      const label = made("label"), held = made("small", layer.when.length.toLocaleString("en"));
+      label.append(box, made("span", LABELS[layer.name]), held);
       label.title = `key ${place + 1}`;
       element("layers").append(label);
     });
   }
 
-  function showLegend() {
+  function showColourings() {
     const colours = [];
     for (let i = 0; i < map.scale.length; i += 3) {
       colours.push(`rgb(${map.scale.slice(i, i + 3)})`);
     }
-    element("heights").style.background = `linear-gradient(to right, ${colours})`;
-    element("lowest").textContent = number(map.heights[0]);
-    element("highest").textContent = number(map.heights[1]);
-    element("red").style.background = `rgb(${map.red})`;
-    element("green").style.background = `rgb(${map.green})`;
+    element("colours").style.background = `linear-gradient(to right, ${colours})`;
+    element("colouring").append(...map.colourings.map(({ name }) => made("option", name)));
+    element("colouring").addEventListener("change", paint);
+    showLegend();
+  }
+
+  function paint() {
+    const place = element("colouring").selectedIndex;
+    // Walls are coloured by height all the way up, and not as their patches are.
+    scene.paint(place ? map.colourings[place].colour : null);
+    showLegend();
+    redraw();
+  }
+
+  function nextColouring() {
+    const choice = element("colouring");
+    choice.selectedIndex = (choice.selectedIndex + 1) % choice.length;
+    paint();
+  }
+
+  function showLegend() {
+    const { name, label, ends, kinds } = map.colourings[element("colouring").selectedIndex];
+    element("ramp").hidden = !ends;
+    if (ends) [element("lowest").textContent, element("highest").textContent] = ends.map(short);
+    element("label").textContent = label === name ? "" : label;
+    const route = map.keyframes > 1 ? [[map.green, "route"]] : [];
+    element("kinds").replaceChildren(...[...kinds, ...route].map(([colour, text]) => {
+      const row = made("li"), patch = made("i");
+      patch.style.background = `rgb(${colour})`;
+      row.append(patch, made("span", text));
+      return row;
+    }));
   }
 
   function setLight(theme) {
@@ -202,16 +235,16 @@ async function main() {
     a: () => camera.pan(40, 0, canvas.clientHeight), d: () => camera.pan(-40, 0, canvas.clientHeight),
     w: () => camera.pan(0, 40, canvas.clientHeight), s: () => camera.pan(0, -40, canvas.clientHeight),
     t: () => camera.look(-90, 90), f: () => camera.look(-90, 0), e: () => camera.look(0, 0),
-    r: () => camera.reset(), Home: () => camera.reset(),
+    r: whole, Home: whole,
     " ": play, ",": () => show(state.latest - 1), ".": () => show(state.latest + 1),
-    l: switchLight, "?": () => element("help").toggleAttribute("hidden"),
+    c: nextColouring, l: switchLight, "?": () => element("help").toggleAttribute("hidden"),
     Escape: () => element("help").setAttribute("hidden", ""),
   };
   window.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.ctrlKey || event.altKey || event.metaKey || event.target.tagName === "SELECT") return;
     const layer = map.layers[Number(event.key) - 1];
     const act = keys[event.key] || keys[event.key.toLowerCase()];
-    if (layer) element(`layer-${layer.name}`).click();
+    if (layer) element(`layer-${layer.name}`)?.click();
     else if (act) act();
     else return;
     event.preventDefault();
@@ -223,8 +256,9 @@ async function main() {
   element("light").addEventListener("click", switchLight);
   element("keys").addEventListener("click", keys["?"]);
   element("close").addEventListener("click", keys["?"]);
-  // A button or box that was clicked must not take the keys that follow.
-  document.addEventListener("click", () => document.activeElement.blur());
+  // A button, box or choice that was made must not take the keys that follow.
+  document.addEventListener("click", ({ target }) => { if (target.tagName !== "SELECT") document.activeElement.blur(); });
+  element("colouring").addEventListener("change", ({ target }) => target.blur());
 
   document.title = `${map.title} · mls`;
   element("title").textContent = map.title;
@@ -233,7 +267,7 @@ async function main() {
   element("slider").max = last;
   element("flight").hidden = !(last > 0);
   showLayers();
-  showLegend();
+  showColourings();
   setLight(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
   show(last);
   requestAnimationFrame(drawn);

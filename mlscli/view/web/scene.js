@@ -66,6 +66,7 @@ class Scene {
         colour: this.buffer(gl.ARRAY_BUFFER, arrays.colour),
       }]),
     );
+    this.vertices = vertices;
     const modes = { 1: gl.POINTS, 2: gl.LINES, 3: gl.TRIANGLES };
     for (const layer of map.layers) {
       layer.mode = modes[layer.corners];
@@ -103,6 +104,22 @@ class Scene {
     gl.bindBuffer(target, buffer);
     gl.bufferData(target, array, gl.STATIC_DRAW);
     return buffer;
+  }
+
+  // Gives what belongs to patches the colours of these; null: what is of the map by height.
+  paint(colours) {
+    const { gl } = this;
+    for (const [name, { colour, patch }] of Object.entries(this.map.vertices)) {
+      if (!patch) continue;
+      const shown = colours ? colour.slice() : colour;
+      for (let i = 0; colours && i < patch.length; i++) {
+        const from = 3 * patch[i], to = 3 * i;
+        if (from < 0) continue;
+        for (let channel = 0; channel < 3; channel++) shown[to + channel] = colours[from + channel];
+      }
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.vertices[name].colour);
+      gl.bufferData(gl.ARRAY_BUFFER, shown, gl.STATIC_DRAW);
+    }
   }
 
   attributes({ position, colour }, elements) {

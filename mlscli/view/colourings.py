@@ -1,0 +1,91 @@
+"""What the patches of a map can be coloured by, and what the colours mean."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.mesh.colours import (
+    ARTIFICIAL_RED,
+    COLOURS,
+    PALE,
+    ColourBy,
+    Paint,
+    origin_colours,
+)
+from mlscli.surface_map import SurfaceMap
+from mlscli.typing import UInt8
+
+Colour = tuple[int, int, int]
+
+_WIDER = (ARTIFICIAL_RED, "artificial: inserted in a wider gap")
+
+
+class Colouring(NamedTuple):
+    """The colours of all patches, and a legend.
+
+    Attributes
+    ----------
+    name : str
+    label : str
+        What the scale shows, or the colours where there is none.
+    ends : tuple of float, optional
+        The values of its lowest and highest colour; None: there is no scale.
+    kinds : list
+        Colours that are no part of the scale, and what they stand for.
+    colour : uint8 (P, 3)
+    """
+
+    name: ColourBy
+    label: str
+    ends: tuple[float, float] | None
+    kinds: list[tuple[Colour, str]]
+    colour: UInt8
+
+
+def colourings(surface: SurfaceMap) -> list[Colouring]:
+    """Return what a map can be coloured by, by height first.
+
+    Regions are left out where there are none, and times of a single keyframe.
+    """
+    missing = set()
+    if not (surface.region >= 0).any():
+        missing.add("region")
+    if len(surface.route) < 2:
+        missing.add("time")
+    return [_colouring(surface, by) for by in COLOURS if by not in missing]
+
+
+def _colouring(surface: SurfaceMap, by: ColourBy) -> Colouring:
+    paint = Paint(surface, by)
+    colour = paint(surface, np.arange(surface.size), surface.height)
+    if paint.scale is None:
+        label = "origin" if by == "origin" else "each region has a colour"
+        return Colouring(by, label, None, _kinds(by), colour)
+    label, ends = paint.scale.label, (paint.scale.low, paint.scale.high)
+    if by == "count":
+        # The scale goes by powers of ten; its ends are told as numbers of points.
+        label, ends = "points, logarithmic", (10 ** ends[0], 10 ** ends[1])
+    return Colouring(by, label, ends, _kinds(by), colour)
+
+
+def _kinds(by: ColourBy) -> list[tuple[Colour, str]]:
+    """Return the colours beside a scale, and what they stand for."""
+    measured, plastered, _ = (_colour(row) for row in origin_colours())
+    if by == "region":
+        return [(PALE, "of no region")]
+    if by == "origin":
+        return [
+            (measured, "measured"),
+            (plastered, "plastered: in a gap that the craft cannot pass"),
+            _WIDER,
+        ]
+    if by == "height":
+        return [(plastered, "lighter: in a gap that the craft cannot pass"), _WIDER]
+    return [(PALE, "plastered: nobody measured it"), _WIDER]
+
+
+def _colour(row: UInt8) -> Colour:
+    red, green, blue = row.tolist()
+    return red, green, blue
