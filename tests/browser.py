@@ -52,10 +52,12 @@ class Browser:
                 f"--user-data-dir={profile}",
             ],
             pass_fds=(read, write),
+            start_new_session=True,
             stderr=subprocess.DEVNULL,
         )
         os.close(read)
         os.close(write)
+        self.pid = self._process.pid
         self._number = 0
         self._session: str | None = None
         self._received = b""

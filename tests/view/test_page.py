@@ -284,6 +284,51 @@ def test_dragging_turns_and_the_wheel_zooms_towards_the_cursor(page: Browser) ->
     assert page.errors == []
 
 
+WATCHED = """(() => {
+  const drawing = WebGL2RenderingContext.prototype;
+  const { drawElements, blitFramebuffer } = drawing;
+  window.edges = [];
+  window.patience = 0;
+  drawing.drawElements = function (...how) {
+    const end = performance.now() + window.patience;
+    while (performance.now() < end);
+    drawElements.apply(this, how);
+  };
+  drawing.blitFramebuffer = function (...how) {
+    blitFramebuffer.apply(this, how);
+    window.edges.push(document.documentElement.dataset.edges);
+  };
+})()"""
+
+
+def test_a_slow_machine_draws_smooth_edges_when_the_picture_rests(page: Browser) -> None:
+    edges = "document.documentElement.dataset.edges"
+    assert page.evaluate(edges) == "smooth"
+    page.evaluate(WATCHED)
+    page.evaluate("window.patience = 30")
+    turn = """(async () => {
+      const seen = [];
+      for (let i = 0; i < 10; i++) {
+        dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
+        await new Promise((done) => requestAnimationFrame(done));
+        seen.push(document.documentElement.dataset.edges);
+      }
+      return seen;
+    })()"""
+    assert page.evaluate(turn)[-1] == "rough"
+    page.wait(f"{edges} === 'smooth'")
+    assert page.errors == []
+
+
+def test_a_cursor_that_moves_draws_nothing_anew(page: Browser) -> None:
+    page.key("t")
+    page.evaluate(WATCHED)
+    x, y = middle(page)
+    told = {readout(page, x + step, y)["x"] for step in (0, 30, 60)}
+    assert len(told) == 3
+    assert page.evaluate("window.edges.length") == 0
+
+
 def test_light_and_dark(page: Browser) -> None:
     shades = {page.picture()[300, 990].mean()}
     page.key("l")

@@ -11,6 +11,8 @@ const LABELS = {
 };
 const TURN = Math.PI / 36;
 const PLAYING = 12; // seconds that the whole flight takes
+// A frame that takes longer (ms) is slow; after so many in a row edges are smooth at rest only.
+const SLOW = 40, MOST_SLOW = 4;
 
 async function main() {
   const map = await load();
@@ -23,20 +25,38 @@ async function main() {
   );
   whole();
   const last = Math.max(map.keyframes - 1, 0);
-  const state = { latest: last, cursor: null, dirty: true, playing: null, background: [1, 1, 1] };
+  const state = {
+    latest: last, cursor: null, playing: null, background: [1, 1, 1],
+    // Whether the picture and what is told of the cursor are out of date.
+    dirty: true, asked: true,
+    // When the frame before was drawn, in a row of frames, and how many of late were slow.
+    before: null, slow: 0,
+  };
   const digits = Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(map.cell_size))));
   const number = (value) => value.toFixed(digits);
   const redraw = () => { state.dirty = true; };
+  const ask = () => { state.asked = true; };
 
-  function drawn() {
+  function drawn(now) {
     if (state.dirty) {
-      state.dirty = false;
-      scene.draw(camera, state.background, state.latest);
+      const isSlow = state.before !== null && now - state.before > SLOW;
+      if (state.slow < MOST_SLOW) state.slow = Math.max(0, state.slow + (isSlow ? 1 : -1));
+      Object.assign(state, { before: now, dirty: false, asked: true });
+      draw(state.slow < MOST_SLOW);
       drawAxes();
       drawScaleBar();
+    } else if (state.asked) {
+      // What moved has come to rest.
+      if (state.before !== null && state.slow === MOST_SLOW) draw(true);
+      Object.assign(state, { before: null, asked: false });
       element("readout").textContent = describe();
     }
     requestAnimationFrame(drawn);
+  }
+
+  function draw(isSmooth) {
+    scene.draw(camera, state.background, state.latest, isSmooth);
+    document.documentElement.dataset.edges = isSmooth ? "smooth" : "rough";
   }
 
   // --- what is under the cursor ---
@@ -195,7 +215,7 @@ async function main() {
   for (const name of ["pointerup", "pointercancel"]) {
     canvas.addEventListener(name, (event) => fingers.delete(event.pointerId));
   }
-  canvas.addEventListener("pointerleave", () => { state.cursor = null; redraw(); });
+  canvas.addEventListener("pointerleave", () => { state.cursor = null; ask(); });
   canvas.addEventListener("pointermove", (event) => {
     const before = fingers.get(event.pointerId);
     state.cursor = fingers.size ? null : [event.offsetX, event.offsetY];
@@ -205,8 +225,9 @@ async function main() {
       else if (event.shiftKey || event.buttons & 6) camera.pan(right, down, canvas.clientHeight);
       else camera.turn(-right / 200, down / 200);
       fingers.set(event.pointerId, event);
+      redraw();
     }
-    redraw();
+    ask();
   });
 
   function pinch(event, before, right, down) {

@@ -55,7 +55,8 @@ class Scene {
   constructor(canvas, map) {
     this.canvas = canvas;
     this.map = map;
-    this.gl = canvas.getContext("webgl2", { antialias: true });
+    // Edges are smoothed by `draw`, where there is time for it.
+    this.gl = canvas.getContext("webgl2", { antialias: false });
     if (!this.gl) throw new Error("this browser has no WebGL 2, which the map is drawn with");
     const gl = this.gl;
     this.colour = this.program(COLOUR_SHADER);
@@ -72,7 +73,9 @@ class Scene {
       layer.mode = modes[layer.corners];
       layer.attributes = this.attributes(vertices[layer.vertices], layer.elements);
     }
-    this.picked = this.pickingTarget();
+    this.picked = this.target();
+    this.store(this.picked, 1, 1, 0, gl.RGBA32UI);
+    this.smooth = this.target();
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
     // Lines and points on a face lie before it.
@@ -136,39 +139,58 @@ class Scene {
     return attributes;
   }
 
-  // One pixel of whole numbers.
-  pickingTarget() {
-    const { gl } = this, target = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, target);
-    for (const [attachment, format] of [
-      [gl.COLOR_ATTACHMENT0, gl.RGBA32UI], [gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24],
+  // Something else to draw on than the canvas: a colour and a depth for each pixel.
+  target() {
+    const { gl } = this, target = { frame: gl.createFramebuffer() };
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
+    for (const [name, attachment] of [
+      ["colour", gl.COLOR_ATTACHMENT0], ["depth", gl.DEPTH_ATTACHMENT],
     ]) {
-      const store = gl.createRenderbuffer();
-      gl.bindRenderbuffer(gl.RENDERBUFFER, store);
-      gl.renderbufferStorage(gl.RENDERBUFFER, format, 1, 1);
-      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, attachment, gl.RENDERBUFFER, store);
+      target[name] = gl.createRenderbuffer();
+      gl.bindRenderbuffer(gl.RENDERBUFFER, target[name]);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, attachment, gl.RENDERBUFFER, target[name]);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     return target;
   }
 
-  draw(camera, background, latest) {
+  store(target, width, height, samples, format) {
+    const { gl } = this;
+    if (target.width === width && target.height === height) return;
+    Object.assign(target, { width, height });
+    for (const [part, kind] of [["colour", format], ["depth", gl.DEPTH_COMPONENT24]]) {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, target[part]);
+      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, kind, width, height);
+    }
+  }
+
+  // Smooth edges take several times as long where the processor draws.
+  draw(camera, background, latest, isSmooth) {
     const { gl, canvas } = this, ratio = window.devicePixelRatio || 1;
-    const width = Math.round(canvas.clientWidth * ratio);
-    const height = Math.round(canvas.clientHeight * ratio);
+    const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+    const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== width || canvas.height !== height) {
       [canvas.width, canvas.height] = [width, height];
+    }
+    if (isSmooth) {
+      this.store(this.smooth, width, height, Math.min(4, gl.getParameter(gl.MAX_SAMPLES)), gl.RGBA8);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, this.smooth.frame);
     }
     gl.viewport(0, 0, width, height);
     gl.clearColor(...background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     this.elements(this.colour, this.map.layers, camera.matrix(width, height), latest, ratio);
+    if (!isSmooth) return;
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    const whole = [0, 0, width, height];
+    gl.blitFramebuffer(...whole, ...whole, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
   // The place shown at a pixel, counted from the top left; null where nothing is.
   pick(camera, x, y, latest) {
     const { gl, canvas } = this, { width, height } = canvas, ratio = window.devicePixelRatio || 1;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.picked);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.picked.frame);
     // The picture is as large as ever, and shifted until that pixel is the one there is.
     gl.viewport(-Math.floor(x * ratio), 1 - height + Math.floor(y * ratio), width, height);
     gl.clearBufferuiv(gl.COLOR, 0, new Uint32Array(4));

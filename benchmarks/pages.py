@@ -1,0 +1,101 @@
+"""Time the page of a map of half a million triangles in Chromium: ``python -m benchmarks.pages``.
+
+The browser is headless and draws in software (SwiftShader), on the processor alone: any graphics
+card is faster. A frame is the time from one to the next while every one is drawn anew.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+
+from mlscli.scenes.presets import make
+from mlscli.scenes.truth import truth
+from mlscli.surface_map import SurfaceMap
+from mlscli.view.page import write_page
+from tests.browser import Browser
+
+# Does something in every frame; returns the milliseconds of each, without the first.
+FRAMES = """(async () => {
+  const next = () => new Promise((done) => requestAnimationFrame(done));
+  const key = (key) => dispatchEvent(new KeyboardEvent("keydown", { key }));
+  const slider = document.querySelector("#slider");
+  const slide = (share) => {
+    slider.value = share * slider.max;
+    slider.dispatchEvent(new Event("input"));
+  };
+  const times = [];
+  let before = await next();
+  for (let frame = 0; frame < %d; frame++) {
+    %s;
+    const now = await next();
+    times.push(now - before);
+    before = now;
+  }
+  return times.slice(1);
+})()"""
+COUNT = 40
+DOING = {
+    "turning": 'key("ArrowLeft")',
+    "zooming": 'key(frame < 10 ? "+" : "-")',
+    "moving the slider": f"slide(frame / {COUNT - 1})",
+    "changing the colours": 'key("c")',
+}
+
+
+def village() -> SurfaceMap:
+    """Return a map of 289 houses that was seen from west to east in keyframes."""
+    surface = truth(make("village", size=17), 0.15, 0.5, 0.15)
+    seen = ((surface.ix - surface.ix.min()) // 4).astype(np.int32)
+    route = np.zeros((int(seen.max()) + 1, 4))
+    route[:, 0] = np.arange(len(route))
+    route[:, 1] = (surface.ix.min() + 4 * np.arange(len(route))) * surface.cell_size
+    route[:, 3] = 4.0
+    return replace(surface, first_keyframe=seen, last_keyframe=seen, route=route)
+
+
+def main() -> None:
+    """Write the page, open it, and print what each thing takes."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        path, begin = Path(folder, "village.html"), time.perf_counter()
+        counts = write_page(path, village())
+        written = time.perf_counter() - begin
+        triangles = counts["surface"] + counts["walls"]
+        size = path.stat().st_size / 1e6
+        click.echo(f"{triangles:,} triangles, {size:.1f} MB, written in {written:.2f} s")
+        browser = Browser(Path(folder, "profile"))
+        begin = time.perf_counter()
+        browser.open(path)
+        click.echo(f"open to drawn: {time.perf_counter() - begin:.2f} s")
+        for what, act in DOING.items():
+            before = processor_time(browser.pid)
+            frames = browser.evaluate(FRAMES % (COUNT, act))
+            spent = 1000 * (processor_time(browser.pid) - before) / COUNT
+            median, worst = np.percentile(frames, (50, 95))
+            click.echo(
+                f"{what}: {median:.0f} ms a frame, 95 % within {worst:.0f} ms, "
+                f"{spent:.0f} ms of the processor"
+            )
+        browser.close()
+
+
+def processor_time(group: int) -> float:
+    """Return what the processes of a group have taken of the processor (s)."""
+    ticks = 0
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state = stat.read_text().rpartition(")")[2].split()
+            if int(state[2]) == group:
+                ticks += int(state[11]) + int(state[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+if __name__ == "__main__":
+    main()
