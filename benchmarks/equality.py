@@ -20,10 +20,11 @@ from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points, gather
 from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.builder import MapBuilder
-from mlscli.pipeline.change import difference
+from mlscli.pipeline.change import Change
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise import in_tiles, joined, tiles_of
+from mlscli.records import records_of
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64
 
@@ -156,7 +157,8 @@ def one_pass(keyframes: Sequence[Keyframe], parameters: Parameters) -> SurfaceMa
 
 def differ(one: SurfaceMap, other: SurfaceMap) -> int:
     """Count the patches that one of two maps has and the other has not."""
-    return sum(part.size for part in difference(one, other))
+    change = Change.between(records_of(one), records_of(other), one)
+    return change.removed.size + change.added.size
 
 
 @click.command()

@@ -5,7 +5,6 @@ A packed key holds both indices of a cell in 64 bits, so that keys sort as (ix, 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -13,9 +12,13 @@ import numpy as np
 
 from mlscli.kernels import kernel
 from mlscli.patches import runs
+from mlscli.strips import SHIFT, SIDE, Strips, strips_of, widened
 from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt64
 
 LEAST, GREATEST = -(2**31), 2**31 - 1
+
+# So many strips are listed without a thought.
+_FEW = 2**12
 
 
 def cell_indices(coordinates: Float64, cell_size: float) -> Float64:
@@ -25,22 +28,37 @@ def cell_indices(coordinates: Float64, cell_size: float) -> Float64:
 
 def on_grid(xyz: Float64, cell_size: float) -> Bool:
     """Tell which points (N, 3) lie in a cell whose indices int32 can hold."""
-    index = cell_indices(xyz[:, :2], cell_size)
-    return np.asarray(((index >= LEAST) & (index <= GREATEST)).all(axis=1))
+    inside: Bool = _on_grid(xyz, cell_size)
+    return inside
 
 
+@kernel
+def _on_grid(xyz: Float64, cell_size: float) -> Bool:
+    inside = np.ones(len(xyz), dtype=np.bool_)
+    for i in range(len(xyz)):
+        for axis in range(2):
+            index = np.floor(xyz[i, axis] / cell_size)
+            inside[i] &= LEAST <= index <= GREATEST
+    return inside
+
+
+@kernel
 def pack(ix: Array, iy: Array) -> UInt64:
     """Return the packed keys of cells; `ix` and `iy` are within int32."""
-    high = (ix.astype(np.int64) - LEAST).astype(np.uint64)
-    low = (iy.astype(np.int64) - LEAST).astype(np.uint64)
-    return (high << np.uint64(32)) | low
+    keys = np.empty(len(ix), dtype=np.uint64)
+    for i in range(len(ix)):
+        keys[i] = np.uint64(ix[i] - LEAST) << np.uint64(32) | np.uint64(iy[i] - LEAST)
+    return keys
 
 
+@kernel
 def unpack(keys: UInt64) -> tuple[Int32, Int32]:
     """Return the indices (ix, iy) of packed keys."""
-    ix = (keys >> np.uint64(32)).astype(np.int64) + LEAST
-    iy = (keys & np.uint64(0xFFFFFFFF)).astype(np.int64) + LEAST
-    return ix.astype(np.int32), iy.astype(np.int32)
+    ix, iy = np.empty(len(keys), dtype=np.int32), np.empty(len(keys), dtype=np.int32)
+    for i in range(len(keys)):
+        ix[i] = np.int64(keys[i] >> np.uint64(32)) + LEAST
+        iy[i] = np.int64(keys[i] & np.uint64(0xFFFFFFFF)) + LEAST
+    return ix, iy
 
 
 class Limits(NamedTuple):
@@ -91,7 +109,12 @@ class CellSet:
     @classmethod
     def of(cls, ix: Array, iy: Array) -> CellSet:
         """Return the set of the cells given, which may repeat."""
-        return cls(np.unique(pack(ix, iy)))
+        return cls.of_keys(pack(ix, iy))
+
+    @classmethod
+    def of_keys(cls, keys: UInt64) -> CellSet:
+        """Return the set of the cells with the packed keys given, which may repeat."""
+        return cls(_each_once(np.sort(keys)))
 
     def widened(self, reach: int) -> CellSet:
         """Return the cells within `reach` of one of these, in x and in y."""
@@ -105,30 +128,31 @@ class CellSet:
         inside: Bool = _within(column[start[:-1]], start, position, self.reach, *cells)
         return inside
 
-    def squares(self, shift: int) -> CellSet:
-        """Return the squares of ``2**shift`` cells by themselves that hold all of these.
+    def strips(self, most: int) -> Strips | None:
+        """Return the cells of the set by strips; None where there may be far more than `most`."""
+        strips = Strips(*strips_of(self.keys))
+        square = (2 * self.reach + 1) * ((2 * self.reach >> SHIFT) + 2)
+        if len(strips.number) * square > max(_FEW, most):
+            return None
+        return Strips(*widened(*strips, self.reach))
 
-        They are cells of a coarser grid: those with the indices ``ix >> shift``, ``iy >> shift``.
-        """
-        ix, iy = unpack(self.keys)
-        return replace(CellSet.of(ix >> shift, iy >> shift), reach=-(-self.reach >> shift))
+    def strips_among(self, numbers: UInt64) -> Strips:
+        """Return those cells of the set that lie in the strips given, which ascend."""
+        cells = numbers[:, None] << np.uint64(SHIFT) | np.arange(SIDE, dtype=np.uint64)
+        keys = cells.ravel()
+        return Strips(*strips_of(keys[self.contains(*unpack(keys))]))
 
-    def among(self, keys: Collection[int]) -> Iterator[int]:
-        """Yield those of the packed keys given that are in the set, with the lesser effort."""
-        if len(self.keys) * (2 * self.reach + 1) ** 2 > len(keys):
-            there = np.sort(np.fromiter(keys, dtype=np.uint64, count=len(keys)))
-            yield from there[self.contains(*unpack(there))].tolist()
-        else:
-            yield from (key for key in self.listed().tolist() if key in keys)
 
-    def listed(self) -> UInt64:
-        """Return the packed keys of all cells, ascending; there may be far too many."""
-        ix, iy = (index.astype(np.int64) for index in unpack(self.keys))
-        steps = np.arange(-self.reach, self.reach + 1)
-        x = (ix[:, None, None] + steps[:, None]).repeat(len(steps), axis=2).ravel()
-        y = (iy[:, None, None] + steps).repeat(len(steps), axis=1).ravel()
-        inside = (np.minimum(x, y) >= LEAST) & (np.maximum(x, y) <= GREATEST)
-        return np.unique(pack(x[inside], y[inside]))
+@kernel
+def _each_once(keys: UInt64) -> UInt64:
+    """Return the different ones of ascending keys."""
+    size = 0
+    once = np.empty_like(keys)
+    for key in keys:
+        if size == 0 or once[size - 1] != key:
+            once[size] = key
+            size += 1
+    return once[:size]
 
 
 @kernel

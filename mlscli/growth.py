@@ -52,5 +52,5 @@ def growth(surface: SurfaceMap) -> Iterator[Change]:
     told = 0
     for keyframe in np.unique(when).tolist():
         route = surface.route[told : keyframe + 1]
-        yield Change(nothing, surface.take(when == keyframe), route)
+        yield Change.of(nothing, surface.take(when == keyframe), route)
         told = keyframe + 1

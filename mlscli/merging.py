@@ -14,9 +14,10 @@ import numpy as np
 
 from mlscli.cells import pack
 from mlscli.kernels import kernel
-from mlscli.patches import distance, linked, runs, upright, within_gap
+from mlscli.patches import distance, within_gap
+from mlscli.records import records_of, surface_of
 from mlscli.surface_map import MEASURED, SurfaceMap
-from mlscli.typing import Array, Bool, Float64, Int64
+from mlscli.typing import Array, Bool, Int64
 
 
 def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
@@ -45,8 +46,13 @@ def add_measured(surface: SurfaceMap, new: SurfaceMap) -> SurfaceMap:
     They merge with measured patches only, undo corrections made to those, and delete inserted
     patches within `gap_size`. Keyframes of both count from the same route.
     """
-    measured, _, touched = link(surface, new)
-    return measured.union(_apart(_inserted(surface), measured.take(touched)))
+    return surface_of(with_measured(records_of(surface), records_of(new), surface), surface)
+
+
+def with_measured(records: Array, new: Array, like: SurfaceMap) -> Array:
+    """Add measured patches to others, both given as records; see `add_measured`."""
+    added: Array = _added(records, new, like.gap_size, like.thickness)
+    return added
 
 
 def link(one: SurfaceMap, other: SurfaceMap) -> tuple[SurfaceMap, Bool, Bool]:
@@ -59,69 +65,174 @@ def link(one: SurfaceMap, other: SurfaceMap) -> tuple[SurfaceMap, Bool, Bool]:
     from_one, from_other : bool (P,)
         Which of them hold patches of the one map, and of the other.
     """
-    mine, others = one.take(one.origin == MEASURED), other.take(other.origin == MEASURED)
-    both = {
-        name: np.concatenate((column, others.columns[name]))
-        for name, column in mine.columns.items()
-    }
-    is_other = np.repeat([False, True], [mine.size, others.size])
-    # Ends beyond the first two keep the order of equal groups from depending on the maps' order.
-    order = np.lexsort(
-        (both["mean"], both["count"], both["top"], both["bottom"], both["iy"], both["ix"])
+    measured, from_one, from_other = _linked(
+        records_of(one), records_of(other), one.gap_size, one.thickness
     )
-    both = {name: column[order] for name, column in both.items()}
-    is_other = is_other[order]
-    cells = runs(pack(both["ix"], both["iy"]))
-    start = linked(cells, both["bottom"], both["top"], one.gap_size)
-    first = start[:-1]
-    merged: dict[str, Any] = {name: column[first] for name, column in both.items()}
-    top, mean, variance, count = _chan(
-        start, both["top"], both["bottom"], both["mean"], both["variance"], both["count"]
-    )
-    several = np.diff(start) > 1
-    height, depth = upright(top, merged["bottom"], mean, variance, one.thickness)
-    merged |= {
-        "top": top,
-        "mean": mean,
-        "variance": variance,
-        "count": count,
-        "height": np.where(several, height, merged["height"]),
-        "depth": np.where(several, depth, merged["depth"]),
-    }
-    if len(first):
-        merged["first_keyframe"] = np.minimum.reduceat(both["first_keyframe"], first)
-        merged["last_keyframe"] = np.maximum.reduceat(both["last_keyframe"], first)
-        from_other = np.logical_or.reduceat(is_other, first)
-        from_one = np.logical_or.reduceat(~is_other, first)
-    else:
-        from_other = from_one = np.zeros(0, dtype=np.bool_)
-    # Groups of a cell are disjoint: in this order they are sorted by height, too.
-    return replace(one, **merged), from_one, from_other
+    return surface_of(measured, one), from_one, from_other
 
 
 @kernel
-def _chan(
-    start: Int64, top: Float64, bottom: Float64, mean: Float64, variance: Float64, count: Array
-) -> tuple[Float64, Float64, Float64, Array]:
-    """Return top, mean, variance and count of each run of groups."""
-    groups = len(start) - 1
-    tops, means, variances = np.empty((3, groups))
-    counts = np.empty(groups, dtype=np.uint32)
-    for g in range(groups):
-        i = start[g]
-        lowest, highest, average, points = bottom[i], top[i], mean[i], float(count[i])
-        spread = variance[i]
-        for i in range(start[g] + 1, start[g + 1]):
-            highest = max(highest, top[i])
-            total = points + count[i]
-            apart = mean[i] - average
-            squares = spread * points + variance[i] * count[i]
-            spread = (squares + apart * apart * points * count[i] / total) / total
-            average = average + apart * count[i] / total
-            points = total
-        tops[g], variances[g], counts[g] = highest, spread, np.uint32(points)
-        means[g] = min(max(average, lowest), highest)
-    return tops, means, variances, counts
+def _added(records: Any, new: Any, gap_size: float, thickness: float) -> Array:
+    """Return the patches with measured ones added, in the order of maps."""
+    measured, _, touched = _linked(records, new, gap_size, thickness)
+    together = np.empty(len(records) + len(measured), dtype=records.dtype)
+    size = i = first = 0
+    while i < len(records) or first < len(measured):
+        if first == len(measured) or (i < len(records) and records[i].cell < measured[first].cell):
+            cell = records[i].cell
+        else:
+            cell = measured[first].cell
+        begin, last = size, first
+        while last < len(measured) and measured[last].cell == cell:
+            together[size] = measured[last]
+            last += 1
+            size += 1
+        while i < len(records) and records[i].cell == cell:
+            if records[i].origin != MEASURED:
+                near = False
+                low = records[i].height - records[i].depth
+                for j in range(first, last):
+                    if touched[j]:
+                        bottom, top = measured[j].bottom, measured[j].top
+                        near |= distance(low, records[i].height, bottom, top) <= gap_size
+                if not near:
+                    together[size] = records[i]
+                    size += 1
+            i += 1
+        _sort_cell(together, begin, size)
+        first = last
+    return together[:size]
+
+
+@kernel
+def _sort_cell(records: Any, begin: int, end: int) -> None:
+    """Sort the patches of a cell as maps have them, by insertion: they are few."""
+    for i in range(begin + 1, end):
+        j = i
+        while j > begin and _comes_before(records[j], records[j - 1]):
+            _swap(records, j, j - 1)
+            j -= 1
+
+
+@kernel
+def _comes_before(one: Any, other: Any) -> bool:
+    if one.height != other.height:
+        return bool(one.height < other.height)
+    if one.depth != other.depth:
+        return bool(one.depth < other.depth)
+    if one.origin != other.origin:
+        return bool(one.origin < other.origin)
+    return bool(one["count"] < other["count"])
+
+
+@kernel
+def _swap(records: Any, i: int, j: int) -> None:
+    both = np.empty(1, dtype=records.dtype)
+    both[0] = records[i]
+    records[i] = records[j]
+    records[j] = both[0]
+
+
+@kernel
+def _linked(
+    records: Any, others: Any, gap_size: float, thickness: float
+) -> tuple[Array, Bool, Bool]:
+    """Return what the measured ones of two lots of patches make, and from which they are."""
+    linked = np.empty(len(records) + len(others), dtype=records.dtype)
+    from_one = np.zeros(len(linked), dtype=np.bool_)
+    from_other = np.zeros(len(linked), dtype=np.bool_)
+    # The patches of one cell, ascending: those of the first count from 0, the others from there on.
+    order = np.empty(len(linked), dtype=np.int64)
+    size = i = j = 0
+    while i < len(records) or j < len(others):
+        if j == len(others) or (i < len(records) and records[i].cell < others[j].cell):
+            cell = records[i].cell
+        else:
+            cell = others[j].cell
+        several = 0
+        while i < len(records) and records[i].cell == cell:
+            if records[i].origin == MEASURED:
+                several = _insert(order, several, i, records, others)
+            i += 1
+        while j < len(others) and others[j].cell == cell:
+            if others[j].origin == MEASURED:
+                several = _insert(order, several, len(records) + j, records, others)
+            j += 1
+        reached, parts = 0.0, 0
+        for at in order[:several]:
+            is_other = at >= len(records)
+            patch = others[at - len(records)] if is_other else records[at]
+            if at == order[0] or patch.bottom - reached > gap_size:
+                _shape(linked, size - 1, parts, thickness)
+                linked[size], parts = patch, 0
+                reached = patch.top
+                size += 1
+            else:
+                _take_in(linked[size - 1], patch)
+                reached = max(reached, patch.top)
+            parts += 1
+            from_one[size - 1] |= not is_other
+            from_other[size - 1] |= is_other
+        _shape(linked, size - 1, parts, thickness)
+    # Groups of a cell are disjoint: in this order they are sorted by height, too.
+    return linked[:size], from_one[:size], from_other[:size]
+
+
+@kernel
+def _insert(order: Int64, size: int, number: int, records: Any, others: Any) -> int:
+    """Put the number of a patch where its lower end belongs; return how many these are then."""
+    place = size
+    while place > 0 and _lies_below(number, order[place - 1], records, others):
+        order[place] = order[place - 1]
+        place -= 1
+    order[place] = number
+    return size + 1
+
+
+@kernel
+def _lies_below(one: int, other: int, records: Any, others: Any) -> bool:
+    """Tell whether a patch is linked before another.
+
+    Ends beyond the lower one keep the order of equal groups from depending on that of the maps.
+    """
+    mine = records[one] if one < len(records) else others[one - len(records)]
+    its = records[other] if other < len(records) else others[other - len(records)]
+    if mine.bottom != its.bottom:
+        return bool(mine.bottom < its.bottom)
+    if mine.top != its.top:
+        return bool(mine.top < its.top)
+    if mine["count"] != its["count"]:
+        return bool(mine["count"] < its["count"])
+    return bool(mine.mean < its.mean)
+
+
+@kernel
+def _take_in(group: Any, patch: Any) -> None:
+    """Make a group one with a patch that begins no lower (Chan's formula)."""
+    points, count = float(group["count"]), float(patch["count"])
+    total = points + count
+    apart = patch.mean - group.mean
+    squares = group.variance * points + patch.variance * count
+    group.variance = (squares + apart * apart * points * count / total) / total
+    group.top = max(group.top, patch.top)
+    group.mean = group.mean + apart * count / total
+    group["count"] = np.uint32(total)
+    group.first_keyframe = min(group.first_keyframe, patch.first_keyframe)
+    group.last_keyframe = max(group.last_keyframe, patch.last_keyframe)
+
+
+@kernel
+def _shape(groups: Any, number: int, parts: int, thickness: float) -> None:
+    """Give a group of several patches its height and depth; a single one keeps its own."""
+    if parts < 2:
+        return
+    group = groups[number]
+    group.mean = min(max(group.mean, group.bottom), group.top)
+    extent = group.top - group.bottom
+    if min(extent, np.sqrt(12 * group.variance)) > thickness:
+        group.height, group.depth = group.top, extent
+    else:
+        group.height, group.depth = group.mean, 0.0
 
 
 def _inserted(surface: SurfaceMap) -> SurfaceMap:

@@ -45,7 +45,7 @@ from mlscli.io.trianglelist import MARKER_TYPE
 from mlscli.mesh import build_mesh
 from mlscli.mesh.colours import height_range, patch_colours
 from mlscli.pipeline.change import Change
-from mlscli.pipeline.tiles import TiledMap
+from mlscli.pipeline.tiled_map import TiledMap
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Array, Float64
 from mlscli.view.layers import faces

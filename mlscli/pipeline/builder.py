@@ -125,10 +125,13 @@ class MapBuilder:
             What came and went since the map was last brought up to date.
         """
         cloud = np.asarray(points, dtype=np.float64).reshape(-1, 3) + 0.0
-        finite = np.isfinite(cloud).all(axis=1)
-        self.report.points_read += int(np.count_nonzero(~finite))
-        self.report.drop("not finite", int(np.count_nonzero(~finite)))
-        self._wait(Keyframe(cloud[finite]))
+        finite = np.isfinite(cloud)
+        if not finite.all():
+            rows = finite.all(axis=1)
+            self.report.points_read += int(np.count_nonzero(~rows))
+            self.report.drop("not finite", int(np.count_nonzero(~rows)))
+            cloud = cloud[rows]
+        self._wait(Keyframe(cloud))
         self._gather()
         return self._grow()
 
@@ -165,8 +168,11 @@ class MapBuilder:
         self._routes.append(batch.route)
         self.report.batches += 1
         inside = on_grid(batch.points.xyz, self._pipeline.cell_size)
-        self.report.drop(BEYOND_GRID, int(np.count_nonzero(~inside)))
-        self._batches.append(Points(batch.points.xyz[inside], batch.points.keyframe[inside]))
+        points = batch.points
+        if not inside.all():
+            self.report.drop(BEYOND_GRID, int(np.count_nonzero(~inside)))
+            points = Points(points.xyz[inside], points.keyframe[inside])
+        self._batches.append(points)
 
     def _grow(self) -> Change:
         """Bring the map up to date with the batches that it has not seen."""
@@ -175,7 +181,7 @@ class MapBuilder:
         change = growing.grow(self._unseen())
         slowest = self.report.slowest_batch or 0.0
         self.report.slowest_batch = max(slowest, time.perf_counter() - begin)
-        change = change._replace(route=np.concatenate(self._routes[self._routes_told :]))
+        change = replace(change, route=np.concatenate(self._routes[self._routes_told :]))
         self._routes_told = len(self._routes)
         if self._follow is not None:
             self._follow(change)
@@ -207,9 +213,10 @@ class MapBuilder:
 
     def _unseen(self) -> Points:
         """Return the points of the batches that the map has not seen, which are so no more."""
-        columns = zip(gather([]).points, *self._batches, strict=True)
-        self._batches = []
-        return Points(*(np.concatenate(column) for column in columns))
+        batches, self._batches = self._batches or [gather([]).points], []
+        if len(batches) == 1:
+            return batches[0]
+        return Points(*(np.concatenate(column) for column in zip(*batches, strict=True)))
 
     def _described(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the route, and with what its meta says of it."""

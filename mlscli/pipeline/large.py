@@ -25,8 +25,8 @@ from mlscli.pipeline.builder import MapBuilder, emptied, feed
 from mlscli.pipeline.change import points_in
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tiles import records_of, surface_of
 from mlscli.pipeline.tilewise import Tile, in_tiles, joined, tiles_of
+from mlscli.records import records_of, surface_of
 from mlscli.scratch import Scratch, Stored
 from mlscli.stored_map import StoredMap
 from mlscli.surface_map import SurfaceMap

@@ -27,7 +27,7 @@ from mlscli.kernels import kernel
 from mlscli.keyframes import Points
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.pipeline.point_grid import PointGrid, columns_around, gather
-from mlscli.pipeline.stage import Fault, PointStage
+from mlscli.pipeline.stage import Evaluated, Fault, PointStage
 from mlscli.threads import in_ranges
 from mlscli.typing import Bool, Float64, Int64
 
@@ -35,6 +35,7 @@ from mlscli.typing import Bool, Float64, Int64
 _FARTHER = 1.2
 # The least part of the radius in which they are sought.
 _NEAREST = 64
+_ALL = np.empty(0, dtype=np.bool_)
 
 
 @dataclass(frozen=True)
@@ -67,26 +68,29 @@ class Median(PointStage):
         """Return the radius in whole cells, and one more: points can lie at their cells' edges."""
         return whole_cells(self.nb_radius, cell_size) + 1
 
-    def apply(
-        self, points: Points, cell_size: float, told: Callable[[int], None] | None = None
-    ) -> Points:
-        """Return the points that stay, with their median heights."""
+    def evaluate(
+        self,
+        points: Points,
+        cell_size: float,
+        asked: Bool | None = None,
+        told: Callable[[int], None] | None = None,
+    ) -> Evaluated:
+        """Return the median heights of points."""
         radius = in_units(self.nb_radius, cell_size)
         recentre = in_units(self.recentre, cell_size)
         grid = PointGrid.of(points.xyz, radius)
-        median = np.empty(points.size)
-        stays = np.empty(points.size, dtype=np.bool_)
+        height = np.empty(points.size)
+        which = _ALL if asked is None else asked
+        looked = np.empty(len(which))
 
         def filter_points(begin: int, end: int) -> None:
             _filter(
                 grid, *grid.columns(begin, end), radius, self.max_nb, self.min_nb, recentre,
-                median, stays,
+                which, height, looked,
             )  # fmt: skip
 
         in_ranges(points.size, filter_points, told)
-        xyz = points.xyz[stays]
-        xyz[:, 2] = median[stays]
-        return Points(xyz, points.keyframe[stays])
+        return Evaluated(height, looked)
 
 
 @kernel
@@ -98,10 +102,14 @@ def _filter(
     max_nb: int,
     min_nb: int,
     recentre: float,
-    median: Float64,
-    stays: Bool,
+    asked: Bool,
+    height: Float64,
+    looked: Float64,
 ) -> None:
-    """Filter the points of columns `begin` to `end`, into `median` and `stays`."""
+    """Filter those points of columns `begin` to `end` that are asked for; note how far it looked.
+
+    Where `asked` is empty, all are asked for, and only their heights are noted.
+    """
     squared, heights = np.empty(64), np.empty(64)
     nine = np.empty(9, dtype=np.int64)
     for column in range(begin, end):
@@ -110,18 +118,25 @@ def _filter(
         # Ascending, for the next point mostly lies on the same surface as the last.
         for i in grid.rising[grid.start[column] : grid.start[column + 1]]:
             point, z = grid.order[i], grid.xyz[i, 2]
+            if len(asked) and not asked[point]:
+                continue
+            median, farthest = np.nan, 0.0
             for again in (False, True):
-                squared, heights, n, reached = _neighbours(
+                squared, heights, n, reached, far = _neighbours(
                     grid, around, i, z, radius, max_nb, reached, squared, heights
                 )
-                heights[n], squared[n] = z, 0.0
-                median[point] = _nth(heights, squared, n + 1, (n + 1) // 2)
-                if not again:
-                    stays[point] = n >= min_nb
-                # Far from its surface a point sees the near side of it only: look from there.
-                if not (stays[point] and 0 < recentre < abs(median[point] - z)):
+                farthest = max(farthest, far)
+                if n < min_nb and not again:
                     break
-                z = median[point]
+                heights[n], squared[n] = z, 0.0
+                median = _nth(heights, squared, n + 1, (n + 1) // 2)
+                # Far from its surface a point sees the near side of it only: look from there.
+                if not 0 < recentre < abs(median - z):
+                    break
+                z = median
+            height[point] = median
+            if len(asked):
+                looked[point] = farthest
 
 
 @kernel
@@ -135,8 +150,10 @@ def _neighbours(
     reached: float,
     squared: Float64,
     heights: Float64,
-) -> tuple[Float64, Float64, int, float]:
+) -> tuple[Float64, Float64, int, float, float]:
     """Collect the neighbours that count of point i, if it were at height z, and where they end.
+
+    The square of where they end is that of the radius where others would count, too.
 
     Where more lie within the radius than count, the search stops as soon as the nearest are
     certain; how far it had to go is told, to be where the next one begins.
@@ -150,10 +167,10 @@ def _neighbours(
             grid, around, i, z, min(distance, radius), limit, squared, heights
         )
         if 0 < max_nb <= n:
-            reached = np.sqrt(_nth(squared, heights, n, max_nb - 1))
-            return squared, heights, max_nb, reached
+            farthest = _nth(squared, heights, n, max_nb - 1)
+            return squared, heights, max_nb, np.sqrt(farthest), farthest
         if whole:
-            return squared, heights, n, reached
+            return squared, heights, n, reached, radius * radius
         distance *= 1.5
 
 

@@ -18,8 +18,9 @@ from mlscli.parameters import in_units
 from mlscli.pipeline.change import points_in
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.stage import MapStage, PointStage
+from mlscli.pipeline.stage import Evaluated, MapStage, PointStage
 from mlscli.surface_map import SurfaceMap
+from mlscli.typing import Bool
 
 # What is being done, how much of it is done, and how much there is (None: not known).
 Progress = Callable[[str, int, int | None], None]
@@ -123,11 +124,18 @@ class Pipeline:
         with self.report.timed(stage.name):
             return stage.apply(points, self.cell_size, tell)
 
+    def evaluated(self, stage: PointStage, points: Points, asked: Bool) -> Evaluated:
+        """Return what becomes of those points that are asked for."""
+        with self.report.timed(stage.name):
+            return stage.evaluate(points, self.cell_size, asked)
+
     def grouped(self, points: Points) -> SurfaceMap:
         """Return the measured patches of filtered points."""
         empty = self.empty
         with self.report.timed("grouping"):
             measured = group(points, empty.cell_size, empty.gap_size, empty.thickness)
+        if measured.frame_id == empty.frame_id:
+            return measured
         return replace(measured, frame_id=empty.frame_id)
 
     def transformed(

@@ -60,15 +60,14 @@ class PointGrid(NamedTuple):
     @classmethod
     def of(cls, xyz: Float64, radius: float) -> PointGrid:
         """Return the grid in which points within a radius of each other are sought."""
-        farthest = max(float(xyz[:, :2].max(initial=0.0)), -float(xyz[:, :2].min(initial=0.0)))
+        farthest = _farthest(xyz)
         # The margin outweighs the rounding of quotients, whose size the second term bounds.
         side = max(1.001 * radius, farthest * 2.0**-30)
         ix, iy = cells_of(xyz, side)
         by_height, start, _ = order_by_cell(ix, iy, xyz[:, 2])
         one_of_each = by_height[start[:-1]]
         keys = pack(ix[one_of_each], iy[one_of_each])
-        divisions = np.maximum(1, np.sqrt(np.diff(start) / _IN_EACH).astype(np.int64))
-        first = np.concatenate(([0], np.cumsum(divisions * divisions)))
+        divisions, first = _divided(start)
         fine = np.empty(first[-1] + 1, dtype=np.int64)
         fine[-1] = len(xyz)
         order, ordered = np.empty_like(by_height), np.empty_like(xyz)
@@ -80,6 +79,26 @@ class PointGrid(NamedTuple):
         """Return from which to which column those are whose points begin in a range."""
         first, last = np.searchsorted(self.start[:-1], (begin, end))
         return int(first), int(last)
+
+
+@kernel
+def _farthest(xyz: Float64) -> float:
+    """Return the greatest absolute value of x and y."""
+    farthest = 0.0
+    for i in range(len(xyz)):
+        farthest = max(farthest, max(abs(xyz[i, 0]), abs(xyz[i, 1])))
+    return farthest
+
+
+@kernel
+def _divided(start: Int64) -> tuple[Int64, Int64]:
+    """Return into how many parts each column is divided, and the numbers of the first."""
+    divisions, first = np.empty(len(start) - 1, dtype=np.int64), np.zeros_like(start)
+    for column in range(len(divisions)):
+        points = start[column + 1] - start[column]
+        divisions[column] = max(1, int(np.sqrt(points / _IN_EACH)))
+        first[column + 1] = first[column] + divisions[column] ** 2
+    return divisions, first
 
 
 @kernel

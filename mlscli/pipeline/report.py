@@ -34,6 +34,8 @@ class Report:
 
     def drop(self, reason: str, points: int) -> None:
         """Count points dropped under a reason; below 0: some that come back as the map grows."""
+        if not points:
+            return
         self.dropped[reason] += points
         if not self.dropped[reason]:
             del self.dropped[reason]

@@ -13,9 +13,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+import numpy as np
+
 from mlscli.cells import Limits
 from mlscli.keyframes import Points
 from mlscli.parameters import Length, parameter
+from mlscli.typing import Bool, Float64
 
 if TYPE_CHECKING:
     from mlscli.surface_map import SurfaceMap
@@ -39,6 +42,22 @@ class Stage:
         yield from ()
 
 
+class Evaluated(NamedTuple):
+    """What becomes of points; told for those that were asked for.
+
+    Attributes
+    ----------
+    height : float64 (N,)
+        Their new heights; NaN: dropped.
+    looked : float64 (N,)
+        The square of how far the stage looked, in x and y: no point farther off can change the
+        result. Empty where all points were asked for.
+    """
+
+    height: Float64
+    looked: Float64
+
+
 @dataclass(frozen=True)
 class PointStage(Stage):
     """A stage that reads and writes points."""
@@ -48,18 +67,34 @@ class PointStage(Stage):
         """Return how many cells away a point can still change another's result."""
 
     @abstractmethod
-    def apply(
-        self, points: Points, cell_size: float, told: Callable[[int], None] | None = None
-    ) -> Points:
-        """Return the points that stay, in their order, with their new heights.
+    def evaluate(
+        self,
+        points: Points,
+        cell_size: float,
+        asked: Bool | None = None,
+        told: Callable[[int], None] | None = None,
+    ) -> Evaluated:
+        """Return what becomes of each point.
 
         Parameters
         ----------
         points : Points
         cell_size : float
+        asked : bool (N,), optional
+            The points for which this is wanted to be known; all where it is not given.
         told : callable, optional
             Called with how many points are done, now and then.
         """
+
+    def apply(
+        self, points: Points, cell_size: float, told: Callable[[int], None] | None = None
+    ) -> Points:
+        """Return the points that stay, in their order, with their new heights."""
+        height = self.evaluate(points, cell_size, told=told).height
+        stays = ~np.isnan(height)
+        xyz = points.xyz[stays]
+        xyz[:, 2] = height[stays]
+        return Points(xyz, points.keyframe[stays])
 
 
 @dataclass(frozen=True)

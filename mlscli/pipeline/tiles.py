@@ -1,158 +1,328 @@
-"""What grows, kept in square tiles, so that an area costs what the area costs.
+"""What grows, kept in tiles, so that an area costs what the area costs.
 
-Points and patches are kept alike: as records, each with its cell, in one array for each tile.
+Points and patches are kept alike: as rows of 8-byte words, of which the first is the packed key of
+the cell. A tile knows where the rows of each of its cells lie, so that they are found without a
+search, and replaced without moving others. It has 64 x 64 cells, and no more: what a tile costs
+that has to grow, or is tidied up, is a small and bounded part of what a map costs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
-from itertools import pairwise
+from functools import reduce
 from typing import Any
 
 import numpy as np
 
-from mlscli.cells import CellSet, cell_indices, pack
-from mlscli.keyframes import Points
-from mlscli.patches import runs
-from mlscli.surface_map import COLUMNS, SurfaceMap
-from mlscli.typing import Array
+from mlscli.cells import CellSet
+from mlscli.kernels import kernel
+from mlscli.rows import alike, copied, merged, note_missing, starts
+from mlscli.strips import SHIFT, SIDE, WIDTH, Strips
+from mlscli.typing import Array, Int64, UInt64
 
-# A tile is 2**5 cells wide: about what a batch of a sparse cloud touches.
-SHIFT = 5
+Number = np.uint64
 
-PATCH = np.dtype(list(COLUMNS.items()))
-POINT = np.dtype(
-    [("ix", np.int32), ("iy", np.int32), ("xyz", np.float64, (3,)), ("keyframe", np.int32)]
-)
+# A tile is 2**6 cells wide, and so many strips high.
+TILE = 6
+_HIGH = 2 ** (TILE - SHIFT)
+
+# What so many tiles hold is sorted, not merged one by one.
+_MANY = 8
+
+
+class Tile:
+    """The rows of a square of cells.
+
+    Attributes
+    ----------
+    number : int
+        Which square.
+    place : int32 (strips,)
+        By (ix, iy): where in `runs` the cells of a strip are listed; -1: nowhere.
+    runs : int32 (., SIDE, 2)
+        Where the rows of each cell begin, and how many they are.
+    rows : uint64 (., words)
+    used : int64 (3,)
+        How many strips are listed; how far `rows` is filled; how much of that is in use.
+    """
+
+    def __init__(self, number: int, words: int) -> None:
+        self.number = number
+        self.place = np.full(2**TILE * _HIGH, -1, dtype=np.int32)
+        self.runs = np.zeros((1, SIDE, 2), dtype=np.int32)
+        self.rows = np.empty((4, words), dtype=np.uint64)
+        self.used = np.zeros(3, dtype=np.int64)
+
+    def make_room(self, strips: int, rows: int) -> None:
+        """See that there is room for more strips and rows."""
+        listed, filled, kept = self.used.tolist()
+        if listed + strips > len(self.runs):
+            runs = np.zeros((2 * (listed + strips), SIDE, 2), dtype=np.int32)
+            runs[:listed] = self.runs[:listed]
+            self.runs = runs
+        if filled + rows > len(self.rows):
+            tidy = np.empty((2 * kept + rows, self.rows.shape[1]), dtype=np.uint64)
+            _tidy_up(self.place, self.runs, self.rows, tidy)
+            self.rows = tidy
+            self.used[1] = kept
 
 
 class Tiles:
-    """Records by tile, ascending by cell in each; those of one cell stay in their order.
+    """Rows by cell; those of one cell stay in their order.
 
     No call touches more tiles than it names cells in.
 
     Parameters
     ----------
-    dtype : numpy.dtype
-        Of the records; its fields `ix` and `iy` are the cell.
+    words : int
+        The length of a row.
     """
 
-    def __init__(self, dtype: np.dtype[Any]) -> None:
-        self._dtype = dtype
-        # Bytes without fields, which numpy puts together faster.
-        self._none = np.empty(0, (np.void, dtype.itemsize))
-        self._tiles: dict[int, Array] = {}
+    def __init__(self, words: int) -> None:
+        self._words = words
+        self._tiles: dict[int, Tile] = {}
 
-    def extract(self, cells: CellSet) -> Array:
-        """Return the records in `cells`, ascending by cell."""
-        tiles = cells.squares(SHIFT).among(self._tiles.keys())
-        near = self._joined(self._tiles[tile] for tile in tiles)
-        return self._by_cell(near[cells.contains(near["ix"], near["iy"])])
+    def extract(self, cells: CellSet) -> UInt64:
+        """Return the rows in `cells`, ascending by cell."""
+        return self._rows(self._strips(cells))
 
-    def replace(self, cells: CellSet, new: Array) -> None:
-        """Replace the records in `cells` by `new`."""
-        tiles = set(cells.squares(SHIFT).among(self._tiles.keys()))
-        tiles |= self._tiles.keys() & set(pack(new["ix"] >> SHIFT, new["iy"] >> SHIFT).tolist())
-        before = self._joined(self._tiles[tile] for tile in tiles)
-        outside = before[~cells.contains(before["ix"], before["iy"])]
-        after = self._by_cell(self._joined([outside, new]))
-        tile_of = pack(after["ix"] >> SHIFT, after["iy"] >> SHIFT)
-        order = np.argsort(tile_of, kind="stable")
-        rows, tile_of = after[order].view(self._none.dtype), tile_of[order]
-        start = runs(tile_of)
-        for tile, (begin, end) in zip(tile_of[start[:-1]].tolist(), pairwise(start), strict=True):
-            # A copy: a view would hold on to the other tiles.
-            self._tiles[tile] = rows[begin:end].copy()
-            tiles.discard(tile)
-        for emptied in tiles:
-            del self._tiles[emptied]
+    def update(self, cells: CellSet, new: UInt64) -> tuple[UInt64, UInt64]:
+        """Replace the rows in `cells` by those of `new` that lie in them.
 
-    def whole(self) -> Array:
-        """Return all records, ascending by cell."""
-        return self._by_cell(self._joined(self._tiles.values()))
+        Parameters
+        ----------
+        cells : CellSet
+        new : uint64 (N, words)
+            Ascending by cell.
 
-    def _joined(self, parts: Iterable[Array]) -> Array:
-        rows = [self._none, *(part.view(self._none.dtype) for part in parts)]
-        return np.concatenate(rows).view(self._dtype)
+        Returns
+        -------
+        removed, added : uint64 (., words)
+            Rows that a cell had and has no more, and rows that it has only now; ascending by cell.
+        """
+        strips = self._strips(cells, new)
+        start = starts(new, strips.number)
+        removed, added = [], []
+        for number in _numbers(strips):
+            there = number in self._tiles
+            tile = self._tiles[number] if there else Tile(number, self._words)
+            to_come = _to_come(tile.number, tile.place, strips.number, start)
+            if not there and not to_come[1]:
+                continue
+            self._tiles[number] = tile
+            tile.make_room(*to_come)
+            gone, came = _update(
+                tile.number, tile.place, tile.runs, tile.rows, tile.used, *strips, new, start
+            )
+            removed.append(gone)
+            added.append(came)
+            if not tile.used[2]:
+                del self._tiles[number]
+        return self._together(removed), self._together(added)
 
-    def _by_cell(self, records: Array) -> Array:
-        """Return records ascending by cell; those of one cell stay in their order."""
-        order = np.argsort(pack(records["ix"], records["iy"]), kind="stable")
-        return records.view(self._none.dtype)[order].view(self._dtype)
+    def tiles(self) -> Iterable[Tile]:
+        """Return the tiles in which there are rows."""
+        return self._tiles.values()
 
+    def whole(self) -> UInt64:
+        """Return all rows, ascending by cell."""
+        numbers = self._listed()
+        return self._rows(Strips(numbers, np.full_like(numbers, 2**SIDE - 1)))
 
-class TiledMap:
-    """A map, kept in tiles.
+    def _rows(self, strips: Strips) -> UInt64:
+        tiles = [self._tiles[n] for n in _numbers(strips) if n in self._tiles]
+        start = np.zeros(len(strips.number) + 1, dtype=np.int64)
+        for tile in tiles:
+            _count(tile.number, tile.place, tile.runs, *strips, start)
+        rows = np.empty((_summed(start), self._words), dtype=np.uint64)
+        for tile in tiles:
+            _fetch(tile.number, tile.place, tile.runs, tile.rows, *strips, start, rows)
+        return rows
 
-    Parameters
-    ----------
-    empty : SurfaceMap
-        A map without patches, which gives cell size, gap size, thickness and frame.
-    """
+    def _strips(self, cells: CellSet, new: UInt64 | None = None) -> Strips:
+        """Return a set by strips, if only by those that there are where these are the fewer."""
+        strips = cells.strips(most=len(self._tiles) * 4**TILE)
+        if strips is None:
+            listed = [self._listed()]
+            if new is not None:
+                listed.append(new[:, 0] >> np.uint64(SHIFT))
+            strips = cells.strips_among(np.unique(np.concatenate(listed)))
+        return strips
 
-    def __init__(self, empty: SurfaceMap) -> None:
-        self._empty = empty
-        self._tiles = Tiles(PATCH)
+    def _listed(self) -> UInt64:
+        """Return the numbers of all strips in which there can be rows, ascending."""
+        numbers = [np.empty(0, dtype=np.uint64)]
+        numbers += [_strips_in(tile.number, tile.place) for tile in self._tiles.values()]
+        return np.sort(np.concatenate(numbers))
 
-    def extract(self, cells: CellSet) -> SurfaceMap:
-        """Return the patches in `cells`."""
-        return surface_of(self._tiles.extract(cells), self._empty)
-
-    def replace(self, cells: CellSet, new: SurfaceMap) -> None:
-        """Replace the patches in `cells` by `new`, all of which lie in them."""
-        self._tiles.replace(cells, records_of(new))
-
-    def whole(self) -> SurfaceMap:
-        """Return the map of all tiles."""
-        return surface_of(self._tiles.whole(), self._empty)
-
-
-class TiledPoints:
-    """Points, kept in tiles.
-
-    Parameters
-    ----------
-    cell_size : float
-    """
-
-    def __init__(self, cell_size: float) -> None:
-        self._cell_size = cell_size
-        self._tiles = Tiles(POINT)
-
-    def extract(self, cells: CellSet) -> Points:
-        """Return the points in `cells`, ascending by cell."""
-        records = self._tiles.extract(cells)
-        return Points(
-            np.ascontiguousarray(records["xyz"]), np.ascontiguousarray(records["keyframe"])
-        )
-
-    def add(self, points: Points) -> None:
-        """Add points to those that there are."""
-        self.replace(CellSet.of(*np.empty((2, 0), dtype=np.int32)), points)
-
-    def replace(self, cells: CellSet, new: Points) -> None:
-        """Replace the points in `cells` by `new`."""
-        records = np.empty(new.size, POINT)
-        records["ix"], records["iy"] = cells_of(new, self._cell_size)
-        records["xyz"], records["keyframe"] = new
-        self._tiles.replace(cells, records)
+    def _together(self, parts: list[UInt64]) -> UInt64:
+        if len(parts) < _MANY:
+            return reduce(merged, parts) if parts else np.empty((0, self._words), dtype=np.uint64)
+        rows = np.concatenate(parts)
+        return rows[np.argsort(rows[:, 0], kind="stable")]
 
 
-def records_of(surface: SurfaceMap) -> Array:
-    """Return the patches as records, (P,)."""
-    records = np.empty(surface.size, PATCH)
-    for name, column in surface.columns.items():
-        records[name] = column
-    return records
+def _numbers(strips: Strips) -> dict[int, None]:
+    """Return the numbers of the tiles in which strips lie, each once."""
+    return dict.fromkeys(_tiles_of(strips.number).tolist())
 
 
-def surface_of(records: Array, like: SurfaceMap) -> SurfaceMap:
-    """Return the map of records, in their order; all but its patches is like another's."""
-    columns: dict[str, Any] = {name: np.ascontiguousarray(records[name]) for name in COLUMNS}
-    return replace(like, **columns)
+@kernel
+def _tile_of(strip: Number) -> Number:
+    """Return the number of the tile in which a strip lies: 32 bits for x, the others for y."""
+    x, y = strip >> np.uint64(WIDTH), strip & np.uint64(2**WIDTH - 1)
+    return x >> np.uint64(TILE) << np.uint64(32) | y >> np.uint64(TILE - SHIFT)
 
 
-def cells_of(points: Points, cell_size: float) -> Array:
-    """Return the cell indices (ix, iy) of points, int32 (2, N); all lie on the grid."""
-    return cell_indices(points.xyz[:, :2], cell_size).astype(np.int32).T
+@kernel
+def _place_of(strip: Number) -> Any:
+    """Return which of its tile's strips a strip is."""
+    x, y = strip >> np.uint64(WIDTH), strip & np.uint64(2**WIDTH - 1)
+    return np.int64((x & np.uint64(2**TILE - 1)) * np.uint64(_HIGH) + (y & np.uint64(_HIGH - 1)))
+
+
+@kernel
+def _tiles_of(strips: UInt64) -> UInt64:
+    numbers = np.empty_like(strips)
+    size = 0
+    for strip in strips:
+        number = _tile_of(strip)
+        # Most strips lie in a tile of one of those before.
+        known = False
+        for other in numbers[max(0, size - _HIGH - 2) : size]:
+            known |= other == number
+        if not known:
+            numbers[size] = number
+            size += 1
+    return numbers[:size]
+
+
+@kernel
+def _strips_in(number: int, place: Array) -> UInt64:
+    """Return the numbers of the strips that a tile lists."""
+    numbers = np.empty(len(place), dtype=np.uint64)
+    size = 0
+    for at in range(len(place)):
+        if place[at] >= 0:
+            x = (number >> 32 << TILE) + at // _HIGH
+            y = ((number & 0xFFFFFFFF) << (TILE - SHIFT)) + at % _HIGH
+            numbers[size] = np.uint64(x) << np.uint64(WIDTH) | np.uint64(y)
+            size += 1
+    return numbers[:size]
+
+
+@kernel
+def _has(bits: Number, cell: int) -> bool:
+    return bool(bits >> np.uint64(cell) & np.uint64(1) == 1)
+
+
+@kernel
+def _count(
+    number: int, place: Array, runs: Array, strips: UInt64, bits: UInt64, counts: Int64
+) -> None:
+    """Count the rows that a tile has in each strip of a set, at the number of the next."""
+    for s in range(len(strips)):
+        if _tile_of(strips[s]) == np.uint64(number):
+            at = place[_place_of(strips[s])]
+            if at >= 0:
+                for cell in range(SIDE):
+                    if _has(bits[s], cell):
+                        counts[s + 1] += runs[at, cell, 1]
+
+
+@kernel
+def _summed(counts: Int64) -> Any:
+    """Sum up counts in place, and return the sum of all."""
+    for i in range(1, len(counts)):
+        counts[i] += counts[i - 1]
+    return counts[-1]
+
+
+@kernel
+def _fetch(
+    number: int,
+    place: Array,
+    runs: Array,
+    rows: UInt64,
+    strips: UInt64,
+    bits: UInt64,
+    start: Int64,
+    fetched: UInt64,
+) -> None:
+    """Copy the rows that a tile has in the strips of a set to where those of each begin."""
+    for s in range(len(strips)):
+        if start[s] < start[s + 1] and _tile_of(strips[s]) == np.uint64(number):
+            at, to = place[_place_of(strips[s])], start[s]
+            for cell in range(SIDE):
+                if _has(bits[s], cell):
+                    to = copied(rows, runs[at, cell, 0], runs[at, cell, 1], fetched, to)
+
+
+@kernel
+def _tidy_up(place: Array, runs: Array, rows: UInt64, tidy: UInt64) -> None:
+    """Move the rows of a tile to where there is room for more, in the order of their cells."""
+    to = 0
+    for at in place:
+        if at >= 0:
+            for cell in range(SIDE):
+                begin, runs[at, cell, 0] = runs[at, cell, 0], to
+                to = copied(rows, begin, runs[at, cell, 1], tidy, to)
+
+
+@kernel
+def _to_come(number: int, place: Array, strips: UInt64, start: Int64) -> tuple[int, int]:
+    """Return how many strips that it does not list, and how many rows, a tile may be given."""
+    unlisted = rows = 0
+    for s in range(len(strips)):
+        if start[s, 0] < start[s, 1] and _tile_of(strips[s]) == np.uint64(number):
+            unlisted += place[_place_of(strips[s])] < 0
+            rows += start[s, 1] - start[s, 0]
+    return unlisted, rows
+
+
+@kernel
+def _update(
+    number: int,
+    place: Array,
+    runs: Array,
+    rows: UInt64,
+    used: Int64,
+    strips: UInt64,
+    bits: UInt64,
+    new: UInt64,
+    start: Int64,
+) -> tuple[UInt64, UInt64]:
+    """Replace the rows that a tile has in the cells of a set; return which went and which came."""
+    counts = np.zeros(len(strips) + 1, dtype=np.int64)
+    _count(number, place, runs, strips, bits, counts)
+    removed = np.empty((counts.sum(), rows.shape[1]), dtype=np.uint64)
+    added = np.empty_like(new)
+    gone = came = 0
+    for s in range(len(strips)):
+        if _tile_of(strips[s]) != np.uint64(number):
+            continue
+        at, first, last = place[_place_of(strips[s])], start[s, 0], start[s, 1]
+        if at < 0:
+            if first == last:
+                continue
+            at = used[0]
+            place[_place_of(strips[s])] = at
+            used[0] += 1
+        for cell in range(SIDE):
+            begin = first
+            while first < last and new[first, 0] & np.uint64(SIDE - 1) == np.uint64(cell):
+                first += 1
+            if not _has(bits[s], cell):
+                continue
+            old, size, more = runs[at, cell, 0], runs[at, cell, 1], first - begin
+            if alike(rows, old, size, new, begin, more):
+                continue
+            gone = note_missing(rows, old, size, new, begin, more, removed, gone)
+            came = note_missing(new, begin, more, rows, old, size, added, came)
+            if more > size:
+                old = used[1]
+                used[1] += more
+            copied(new, begin, more, rows, old)
+            runs[at, cell, 0], runs[at, cell, 1] = old, more
+            used[2] += more - size
+    return removed[:gone], added[:came]

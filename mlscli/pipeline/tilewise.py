@@ -18,9 +18,9 @@ from mlscli.cells import Limits, pack
 from mlscli.keyframes import Points
 from mlscli.pipeline.blocks import Block, PointBlocks
 from mlscli.pipeline.change import points_in
+from mlscli.pipeline.ordering import cells_of
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tiles import cells_of
 from mlscli.surface_map import SurfaceMap
 from mlscli.threads import in_turn
 from mlscli.typing import Bool
@@ -178,7 +178,7 @@ def _in_cells(blocks: Limits, shift: int) -> Limits:
 
 
 def _within(points: Points, limits: Limits, cell_size: float) -> Bool:
-    return limits.contain(*cells_of(points, cell_size))
+    return limits.contain(*cells_of(points.xyz, cell_size))
 
 
 def _count(points: Points, limits: Limits, cell_size: float) -> int:

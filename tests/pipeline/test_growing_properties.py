@@ -29,11 +29,11 @@ from mlscli.pipeline.median import Median
 from mlscli.pipeline.orphans import Orphans
 from mlscli.pipeline.plaster import Plaster
 from mlscli.pipeline.pyramids import Pyramids
-from mlscli.pipeline.stage import MapStage, PointStage, Stage
-from mlscli.pipeline.tiles import records_of
+from mlscli.pipeline.stage import Evaluated, MapStage, PointStage, Stage
 from mlscli.pipeline.walls import Walls
+from mlscli.records import records_of
 from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
+from mlscli.typing import Bool, Float64
 from tests.maps import CELL, GAP, THICKNESS
 from tests.pipeline.test_growing import one_pass, together
 from tests.pipelines import flights, parameters_of, points_at, stage_lists
@@ -278,14 +278,15 @@ class SeenPoints(PointStage):
     def reach(self, cell_size: float) -> int:  # noqa: ARG002
         return 1
 
-    def apply(
+    def evaluate(
         self,
         points: Points,
         cell_size: float,  # noqa: ARG002
+        asked: Bool | None = None,  # noqa: ARG002
         told: Callable[[int], None] | None = None,  # noqa: ARG002
-    ) -> Points:
+    ) -> Evaluated:
         self.sizes.append(points.size)
-        return points
+        return Evaluated(points.xyz[:, 2], np.zeros(points.size))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """What is kept in tiles is what would be kept in one piece.
 
-How one could cheat: areas within one tile; a tile that is never emptied; sets without a reach.
+How one could cheat: areas within one tile; a tile that is never emptied, or never grows; sets
+without a reach; rows that are replaced by themselves.
 """
 
 from __future__ import annotations
@@ -11,13 +12,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlscli.cells import CellSet
-from mlscli.keyframes import Points
-from mlscli.pipeline.tiles import SHIFT, TiledMap, TiledPoints, cells_of
+from mlscli.cells import LEAST, CellSet, unpack
+from mlscli.pipeline.tiled_map import TiledMap
+from mlscli.pipeline.tiles import TILE, Tiles
 from mlscli.surface_map import SurfaceMap
+from mlscli.typing import UInt64
 from tests.maps import random_map
 
-SIDE = 2**SHIFT
+SIDE = 2**TILE
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -39,39 +41,66 @@ def test_areas_are_replaced_as_in_a_whole_map(seed: int) -> None:
         centres = rng.integers(-6, 7, (2, 2)) * SIDE // 2
         cells = CellSet.of(*centres).widened(int(rng.choice([0, 3, 40, 10**6])))
         assert tiles.extract(cells) == surface.in_cells(cells)
-        new = scattered(rng).in_cells(cells)
+        new = scattered(rng)
         if rng.random() < 0.3:
             new = new.take(np.arange(0))
-        tiles.replace(cells, new)
+        # What lies elsewhere is left out.
+        change = tiles.replace(cells, new)
+        assert change.applied_to(surface) == surface.replace(cells, new)
         surface = surface.replace(cells, new)
         assert tiles.whole() == surface
 
 
-@settings(max_examples=40, deadline=None)
+WORDS = 3
+Cell = tuple[int, int]
+
+
+def random_rows(rng: np.random.Generator, cells: list[Cell]) -> dict[Cell, list[list[int]]]:
+    """Return some rows for each cell, but for their cells; few that differ."""
+    return {cell: rng.integers(0, 2, (rng.integers(0, 4), WORDS - 1)).tolist() for cell in cells}
+
+
+def as_rows(by_cell: dict[Cell, list[list[int]]]) -> UInt64:
+    rows = [
+        ((x - LEAST << 32) + y - LEAST, *row) for x, y in sorted(by_cell) for row in by_cell[x, y]
+    ]
+    return np.array(rows, dtype=np.uint64).reshape(-1, WORDS)
+
+
+@settings(max_examples=60, deadline=None)
 @given(seeds)
-def test_points_are_added_and_replaced_area_by_area(seed: int) -> None:
+def test_rows_are_kept_cell_by_cell_in_the_order_in_which_they_were_given(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    tiles = TiledPoints(0.5)
-    kept = Points(np.empty((0, 3)), np.empty(0, dtype=np.int32))
-    for number in range(5):
-        size = int(rng.integers(0, 40))
-        new = Points(rng.uniform(-40, 40, (size, 3)), np.full(size, number, dtype=np.int32))
-        cells = CellSet.of(*rng.integers(-80, 80, (2, 2))).widened(int(rng.choice([0, 60])))
-        if rng.random() < 0.5:
-            inside = cells.contains(*cells_of(new, 0.5))
-            new = Points(new.xyz[inside], new.keyframe[inside])
-            outside = ~cells.contains(*cells_of(kept, 0.5))
-            kept = Points(kept.xyz[outside], kept.keyframe[outside])
-            tiles.replace(cells, new)
-        else:
-            tiles.add(new)
-        xyz = np.concatenate((kept.xyz, new.xyz))
-        kept = Points(xyz, np.concatenate((kept.keyframe, new.keyframe)))
-        inside = cells.contains(*cells_of(kept, 0.5))
-        assert rows(tiles.extract(cells)) == rows(Points(kept.xyz[inside], kept.keyframe[inside]))
-        everywhere = CellSet.of(np.array([0]), np.array([0])).widened(10**6)
-        assert rows(tiles.extract(everywhere)) == rows(kept)
+    origin = rng.choice([0, -SIDE, LEAST, LEAST + SIDE // 2], 2)
+    tiles, model = Tiles(WORDS), dict[Cell, list[list[int]]]()
+    for _ in range(8):
+        ix, iy = origin[:, None] + rng.integers(0, rng.choice([4, 2 * SIDE]), (2, 30))
+        cells = CellSet.of(ix, iy)
+        listed = [(int(x), int(y)) for x, y in zip(*unpack(cells.keys), strict=True)]
+        new = random_rows(rng, listed)
+        removed, added = tiles.update(cells, as_rows(new))
+        before = {cell: model.get(cell, []) for cell in listed}
+        assert removed.tolist() == as_rows(without(before, new)).tolist()
+        assert added.tolist() == as_rows(without(new, before)).tolist()
+        model |= new
+        assert tiles.extract(cells).tolist() == as_rows(new).tolist()
+        assert tiles.whole().tolist() == as_rows(model).tolist()
 
 
-def rows(points: Points) -> list[tuple[float, ...]]:
-    return sorted((*xyz, k) for xyz, k in zip(points.xyz.tolist(), points.keyframe, strict=True))
+def without(
+    one: dict[Cell, list[list[int]]], other: dict[Cell, list[list[int]]]
+) -> dict[Cell, list[list[int]]]:
+    return {cell: [row for row in rows if row not in other[cell]] for cell, rows in one.items()}
+
+
+def test_what_is_replaced_again_and_again_takes_no_more_room() -> None:
+    tiles, cells = Tiles(WORDS), CellSet.of(np.arange(20), np.arange(20))
+    sizes = []
+    for turn in range(200):
+        rows = np.repeat(np.c_[cells.keys, cells.keys, cells.keys], 1 + turn % 3, axis=0)
+        rows[:, 1] = turn
+        tiles.update(cells, rows)
+        sizes.append(sum(tile.rows.nbytes for tile in tiles.tiles()))
+    assert max(sizes[100:]) <= max(sizes[:100]) <= 10 * 60 * WORDS * 8
+    tiles.update(cells, rows[:0])
+    assert not list(tiles.tiles())

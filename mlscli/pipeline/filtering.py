@@ -1,0 +1,203 @@
+"""Points that a stage has filtered, and filters again where others come.
+
+A point is looked at again only where a point that came or went lies no farther than the stage
+looked when it last gave it a height: beyond that, nothing can change.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.cells import LEAST, CellSet
+from mlscli.kernels import kernel
+from mlscli.keyframes import Points
+from mlscli.pipeline.ordering import cells_of
+from mlscli.pipeline.pipeline import Pipeline
+from mlscli.pipeline.stage import PointStage
+from mlscli.pipeline.tiles import Tiles
+from mlscli.rows import merged
+from mlscli.typing import Bool, Float64, Int32, UInt64
+
+# The words of a row: the packed cell, the point as the stage reads it, the height that it gives it
+# (NaN: it drops it), and the square of how far it looked (in x and y; inf: it has not yet looked).
+_CELL, _X, _Y, _Z, _KEYFRAME, _HEIGHT, _LOOKED = range(7)
+_WORDS = 7
+
+
+class Outcome(NamedTuple):
+    """What has become of points.
+
+    Attributes
+    ----------
+    cells : CellSet
+        All in which the outcome is another than before.
+    rows : uint64 (N, words)
+        All points in these cells.
+    """
+
+    cells: CellSet
+    rows: UInt64
+
+
+class FilteredPoints:
+    """The points that a stage reads, and what it makes of them.
+
+    Parameters
+    ----------
+    stage : PointStage, optional
+        Without one, the points stay as they come.
+    """
+
+    def __init__(self, stage: PointStage | None) -> None:
+        self._stage = stage
+        self._tiles = Tiles(_WORDS)
+
+    def add(self, pipeline: Pipeline, points: Points) -> Outcome:
+        """Take points to those that there are."""
+        new = _rows_of(points, pipeline.cell_size)
+        cells = CellSet.of_keys(new[:, _CELL])
+        rows = merged(self._tiles.extract(cells), new)
+        self._tiles.update(cells, rows)
+        return self._filtered(pipeline, Outcome(cells, rows), new)
+
+    def replace(self, pipeline: Pipeline, given: Outcome) -> tuple[Outcome, int]:
+        """Take what has become of the points that this stage reads, and how many more they are."""
+        before, rows = self._tiles.extract(given.cells), _passed_on(given.rows)
+        self._tiles.update(given.cells, rows)
+        changed = np.concatenate((before, rows))
+        return self._filtered(pipeline, Outcome(given.cells, rows), changed), len(rows) - len(
+            before
+        )
+
+    def _filtered(self, pipeline: Pipeline, given: Outcome, changed: UInt64) -> Outcome:
+        """Filter again what can have changed, given the points that came and went."""
+        if self._stage is None:
+            return given
+        reach = self._stage.reach(pipeline.cell_size)
+        near = self._tiles.extract(given.cells.widened(2 * reach))
+        asked = _asked(near, near.view(np.float64), changed, changed.view(np.float64), reach)
+        height, looked = pipeline.evaluated(self._stage, _as_read(near), asked)
+        cells, outcome = _noted(near, near.view(np.float64), asked, height, looked)
+        self._tiles.update(CellSet.of_keys(cells), near)
+        keys = np.concatenate((outcome[:, _CELL], given.cells.keys))
+        return Outcome(CellSet.of_keys(keys), outcome)
+
+
+def kept(rows: UInt64) -> Points:
+    """Return the points that a stage has not dropped, as it left them."""
+    floats = rows.view(np.float64)
+    floats = floats[~np.isnan(floats[:, _HEIGHT])]
+    xyz = np.ascontiguousarray(floats[:, [_X, _Y, _HEIGHT]])
+    return Points(xyz, floats.view(np.int64)[:, _KEYFRAME].astype(np.int32))
+
+
+def _as_read(rows: UInt64) -> Points:
+    xyz = np.ascontiguousarray(rows.view(np.float64)[:, _X : _Z + 1])
+    return Points(xyz, rows[:, _KEYFRAME].astype(np.int32))
+
+
+def _rows_of(points: Points, cell_size: float) -> UInt64:
+    """Return points as rows, ascending by cell; nobody has looked at them yet."""
+    rows = np.empty((points.size, _WORDS), dtype=np.uint64)
+    _fill(rows, rows.view(np.float64), *points, *cells_of(points.xyz, cell_size))
+    return rows[np.argsort(rows[:, _CELL], kind="stable")]
+
+
+@kernel
+def _fill(
+    rows: UInt64, floats: Float64, xyz: Float64, keyframe: Int32, ix: Int32, iy: Int32
+) -> None:
+    for i in range(len(rows)):
+        rows[i, _CELL] = np.uint64(ix[i] - LEAST) << np.uint64(32) | np.uint64(iy[i] - LEAST)
+        floats[i, _X], floats[i, _Y], floats[i, _Z] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        rows[i, _KEYFRAME] = keyframe[i]
+        floats[i, _HEIGHT], floats[i, _LOOKED] = xyz[i, 2], np.inf
+
+
+def _passed_on(rows: UInt64) -> UInt64:
+    """Return the rows of a stage as the next one reads them: without what it drops."""
+    floats = rows.view(np.float64)
+    floats = floats[~np.isnan(floats[:, _HEIGHT])]
+    floats[:, _Z] = floats[:, _HEIGHT]
+    floats[:, _LOOKED] = np.inf
+    return floats.view(np.uint64)
+
+
+@kernel
+def _asked(rows: UInt64, floats: Float64, changed: UInt64, places: Float64, reach: int) -> Bool:
+    """Tell which points a stage must look at again, given those that came and went.
+
+    Rows ascend by cell; a stage looks no farther than into cells within its reach.
+    """
+    # Where most points are new, hardly any other is out of their sight.
+    asked = np.full(len(rows), 2 * len(changed) > len(rows))
+    if len(rows) == 0 or asked[0]:
+        return asked
+    for i in range(len(rows)):
+        asked[i] = floats[i, _LOOKED] == np.inf
+    for j in range(len(changed)):
+        x = int(changed[j, _CELL] >> np.uint64(32))
+        y = int(changed[j, _CELL] & np.uint64(0xFFFFFFFF))
+        lowest, highest = max(y - reach, 0), min(y + reach, 2**32 - 1)
+        for column in range(max(x - reach, 0), min(x + reach, 2**32 - 1) + 1):
+            first = np.uint64(column) << np.uint64(32) | np.uint64(lowest)
+            last = np.uint64(column) << np.uint64(32) | np.uint64(highest)
+            i = _first_from(rows, first)
+            while i < len(rows) and rows[i, _CELL] <= last:
+                dx, dy = floats[i, _X] - places[j, _X], floats[i, _Y] - places[j, _Y]
+                asked[i] |= dx * dx + dy * dy <= floats[i, _LOOKED]
+                i += 1
+    return asked
+
+
+@kernel
+def _first_from(rows: UInt64, cell: np.uint64) -> int:
+    """Return the first row that does not come before a cell."""
+    begin, end = 0, len(rows)
+    while begin < end:
+        middle = (begin + end) // 2
+        if rows[middle, _CELL] < cell:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@kernel
+def _noted(
+    rows: UInt64, floats: Float64, asked: Bool, height: Float64, looked: Float64
+) -> tuple[UInt64, UInt64]:
+    """Note what a stage says of the points that it was asked about.
+
+    Returns
+    -------
+    cells : uint64 (C,)
+        Those in which something was noted.
+    outcome : uint64 (N, words)
+        The rows of those in which a point is new, or has another outcome.
+    """
+    cells, outcome = np.empty(len(rows), dtype=np.uint64), np.empty_like(rows)
+    noted = size = 0
+    i = 0
+    while i < len(rows):
+        begin, cell = i, rows[i, _CELL]
+        any_asked = differs = False
+        while i < len(rows) and rows[i, _CELL] == cell:
+            if asked[i]:
+                any_asked = True
+                before = floats[i, _HEIGHT]
+                same = before == height[i] or (np.isnan(before) and np.isnan(height[i]))
+                differs |= not same or floats[i, _LOOKED] == np.inf
+                floats[i, _HEIGHT], floats[i, _LOOKED] = height[i], looked[i]
+            i += 1
+        if any_asked:
+            cells[noted] = cell
+            noted += 1
+        if differs:
+            for row in range(begin, i):
+                for word in range(rows.shape[1]):
+                    outcome[size, word] = rows[row, word]
+                size += 1
+    return cells[:noted], outcome[:size]
