@@ -131,12 +131,9 @@ def _asked(rows: UInt64, floats: Float64, changed: UInt64, places: Float64, reac
 
     Rows ascend by cell; a stage looks no farther than into cells within its reach.
     """
-    # Where most points are new, hardly any other is out of their sight.
-    asked = np.full(len(rows), 2 * len(changed) > len(rows))
-    if len(rows) == 0 or asked[0]:
+    asked = floats[:, _LOOKED] == np.inf
+    if asked.all():
         return asked
-    for i in range(len(rows)):
-        asked[i] = floats[i, _LOOKED] == np.inf
     for j in range(len(changed)):
         x = int(changed[j, _CELL] >> np.uint64(32))
         y = int(changed[j, _CELL] & np.uint64(0xFFFFFFFF))
