@@ -23,7 +23,7 @@ from mlscli.pipeline.builder import MapBuilder
 from mlscli.pipeline.change import Change
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tilewise import in_tiles, joined, tiles_of
+from mlscli.pipeline.tilewise import Threads, in_tiles, joined, tiles_of
 from mlscli.records import records_of
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64
@@ -142,7 +142,7 @@ def tiled(
     blocks = PointBlocks(pipeline.cell_size, shift=shift)
     blocks.add(points)
     tiles = tiles_of(blocks, pipeline.reach, most)
-    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, threads)))
+    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
     seconds = time.perf_counter() - begin
     differing = differ(surface, one_pass([Keyframe(xyz)], parameters))
     return Row(how, len(tiles), surface.size, 1, differing, seconds)

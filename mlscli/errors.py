@@ -24,6 +24,10 @@ class OutputError(MlsError):
     """An output exists already or cannot be written."""
 
 
+class ClusterError(MlsError):
+    """A cluster of machines cannot be reached, or not do what it should."""
+
+
 class UsageError(MlsError):
     """An option or argument is wrong, missing or ambiguous."""
 

@@ -52,6 +52,13 @@ if TYPE_CHECKING:
     help="Evaluate the map tile by tile in N threads. The map is the same.",
 )
 @click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Hand the tiles to the Dask cluster whose scheduler this is, tcp://host:port; local: to "
+    "one on this machine that Dask starts. The map is the same. "
+    "Needs pip install 'mlscli[dask]'.",
+)
+@click.option(
     "--memory",
     type=Size(),
     metavar="SIZE",
@@ -81,6 +88,7 @@ def command(
     growing: bool,
     dry_run: bool,
     jobs: int | None,
+    scheduler: str | None,
     memory: int | None,
     scratch: str | None,
     replay: str | None,
@@ -106,7 +114,7 @@ def command(
 
     begin = time.perf_counter()
     parameters = load(config, settings)
-    _check_together(parameters, growing or replay is not None, jobs, memory, scratch)
+    _check_together(parameters, growing or replay is not None, jobs, scheduler, memory, scratch)
     target = output or default_output(sources[0])
     refuse_existing(target, overwrite=overwrite, sources=sources)
     if replay is not None:
@@ -130,10 +138,16 @@ def command(
             follow = played.follow
         built: Build | LargeBuild
         if memory is None:
-            built = build(recording, parameters, progress, follow, jobs)
+            built = build(recording, parameters, progress, follow, jobs, scheduler)
         else:
             large = build_large(
-                recording, parameters, memory, scratch=scratch, jobs=jobs, progress=progress
+                recording,
+                parameters,
+                memory,
+                scratch=scratch,
+                jobs=jobs,
+                scheduler=scheduler,
+                progress=progress,
             )
             built = stack.enter_context(large)
         write_map(target, built.surface, overwrite=overwrite)
@@ -163,11 +177,12 @@ def _check_together(
     parameters: Parameters,
     followed: bool,
     jobs: int | None,
+    scheduler: str | None,
     memory: int | None,
     scratch: str | None,
 ) -> None:
     """Refuse options that do not go with a map that is made batch by batch."""
-    for option, value in (("--jobs", jobs), ("--memory", memory)):
+    for option, value in (("--jobs", jobs), ("--scheduler", scheduler), ("--memory", memory)):
         if value is not None and parameters.mode == "sequential":
             raise UsageError(
                 f"{option}: a sequential map is made batch by batch; set mode=consistent"
@@ -176,6 +191,16 @@ def _check_together(
             raise UsageError(
                 f"{option}: does not go with --growing or --replay; leave one of them out"
             )
+    if scheduler is not None:
+        from mlscli.pipeline.connection import LOCAL, check_address
+
+        check_address(scheduler)
+        if scheduler == LOCAL and memory is not None:
+            raise UsageError(
+                f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
+            )
+        if jobs is not None:
+            raise UsageError("--jobs: --scheduler's workers have threads; leave one of them out")
     if scratch is not None and memory is None:
         raise UsageError("--scratch: says where --memory puts what it leaves no room for; add it")
 

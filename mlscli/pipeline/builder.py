@@ -21,10 +21,12 @@ from mlscli.config import Parameters, to_dict
 from mlscli.errors import InputError
 from mlscli.keyframes import Keyframe, Points, gather
 from mlscli.pipeline.change import Change, points_in
+from mlscli.pipeline.cluster import Cluster
+from mlscli.pipeline.connection import connected
 from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tilewise import in_threads
+from mlscli.pipeline.tilewise import Threads, Workers, tiled
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64
 
@@ -69,6 +71,8 @@ class MapBuilder:
         map.
     jobs : int, optional
         Evaluate the map in tiles, in so many threads, where it is made in one pass in the end.
+    cluster : Cluster, optional
+        Hand the tiles to this cluster instead.
 
     Raises
     ------
@@ -93,6 +97,7 @@ class MapBuilder:
         progress: Progress | None = None,
         follow: Follower | None = None,
         jobs: int | None = None,
+        cluster: Cluster | None = None,
     ) -> None:
         self.parameters = parameters
         self.report = Report()
@@ -100,7 +105,7 @@ class MapBuilder:
         self._reading = dict(reading or {})
         self._progress = progress
         self._follow = follow
-        self._jobs = jobs
+        self._workers: Workers | None = cluster or (None if jobs is None else Threads(jobs))
         self._pipeline = Pipeline(parameters, frame_id, self.report)
         self._waiting: list[Keyframe] = []
         self._waiting_points = 0
@@ -188,11 +193,11 @@ class MapBuilder:
         return change
 
     def _at_once(self) -> SurfaceMap:
-        """Return the map that one pass makes of all points, in as many threads as wanted."""
+        """Return the map that one pass makes of all points, by those who are to make it."""
         points = self._unseen()
-        if self._jobs is None:
+        if self._workers is None:
             return self._pipeline.in_one_pass(points, self._progress)
-        return in_threads(self._pipeline, points, self._jobs, self._progress)
+        return tiled(self._pipeline, points, self._workers, self._progress)
 
     def _seed(self) -> GrowingMap:
         """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
@@ -245,6 +250,7 @@ def build(
     progress: Progress | None = None,
     follow: Follower | None = None,
     jobs: int | None = None,
+    scheduler: str | Cluster | None = None,
 ) -> Build:
     """Build the map of a recording.
 
@@ -260,6 +266,9 @@ def build(
         Called after every batch with the `Change` that it made, as for `MapBuilder`.
     jobs : int, optional
         Evaluate the map in tiles, in so many threads; it is the same.
+    scheduler : str or Cluster, optional
+        Hand the tiles to the Dask cluster whose scheduler has this address, or to one of Dask's
+        own: ``local``. The map is the same.
 
     Returns
     -------
@@ -271,6 +280,10 @@ def build(
     MlsError
         Where the recording cannot be read, the parameters do not go together, or nothing is left.
     """
+    if isinstance(scheduler, str):
+        # Whether it answers shows before anything is read.
+        with connected(scheduler) as cluster:
+            return build(recording, parameters, progress, follow, scheduler=cluster)
     parameters = Parameters() if parameters is None else parameters
     reading = Report()
     held = None
@@ -291,6 +304,7 @@ def build(
         progress=progress,
         follow=follow,
         jobs=jobs,
+        cluster=scheduler,
     )
     builder.report.add(reading)
     feed(builder, recording, progress, held)
@@ -344,6 +358,7 @@ def build_map(
     progress: Progress | None = None,
     follow: Follower | None = None,
     jobs: int | None = None,
+    scheduler: str | Cluster | None = None,
 ) -> SurfaceMap:
     """Build the map of a recording; as `build`, without the account."""
-    return build(recording, parameters, progress, follow, jobs).surface
+    return build(recording, parameters, progress, follow, jobs, scheduler).surface

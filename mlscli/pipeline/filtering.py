@@ -131,7 +131,7 @@ def _asked(rows: UInt64, floats: Float64, changed: UInt64, places: Float64, reac
 
     Rows ascend by cell; a stage looks no farther than into cells within its reach.
     """
-    asked = floats[:, _LOOKED] == np.inf
+    asked: Bool = floats[:, _LOOKED] == np.inf
     if asked.all():
         return asked
     for j in range(len(changed)):

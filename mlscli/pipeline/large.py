@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,9 +23,18 @@ from mlscli.patches import runs
 from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.builder import MapBuilder, emptied, feed
 from mlscli.pipeline.change import points_in
+from mlscli.pipeline.connection import LOCAL, connected
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tilewise import Tile, in_tiles, joined, tiles_of
+from mlscli.pipeline.tilewise import (
+    COMFORTABLE,
+    Threads,
+    Tile,
+    Workers,
+    in_tiles,
+    joined,
+    tiles_of,
+)
 from mlscli.records import records_of, surface_of
 from mlscli.scratch import Scratch, Stored
 from mlscli.stored_map import StoredMap
@@ -36,15 +45,12 @@ from mlscli.typing import Array, Int32, Int64
 if TYPE_CHECKING:
     from mlscli.io.recording import Recording
 
-# Bytes of memory that it takes at most to sort a point, to evaluate one, to put a patch in order,
-# and to run the stages that need the whole map on a patch.
-SORTED, EVALUATED, ORDERED, FINISHED = 200, 400, 400, 1000
+# Bytes of memory that it takes at most to sort a point, to put a patch in order, and to run the
+# stages that need the whole map on a patch.
+SORTED, ORDERED, FINISHED = 200, 400, 1000
 
 # Bytes with which work can be done at all, besides those of the program itself.
 LEAST = 32 * 2**20
-
-# Points of a tile beyond which larger tiles have hardly less margin in all.
-COMFORTABLE = 10**6
 
 
 class LargeBuild(NamedTuple):
@@ -62,6 +68,7 @@ def build_large(
     *,
     scratch: str | os.PathLike[str] | None = None,
     jobs: int | None = None,
+    scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> Iterator[LargeBuild]:
     """Build the map of a recording within so much memory; it lasts as long as the context.
@@ -78,6 +85,9 @@ def build_large(
         The folder for what does not fit; the system's place where none is given.
     jobs : int, optional
         Threads; as many as there are processors where nothing is said.
+    scheduler : str, optional
+        Hand the tiles to the Dask cluster whose scheduler has this address; what its workers take
+        is not counted.
     progress : callable, optional
         As for `build`.
 
@@ -98,8 +108,16 @@ def build_large(
         raise UsageError(
             "--memory: a sequential map is made batch by batch, in memory; set mode=consistent"
         )
-    with Scratch(scratch) as disk:
-        builder = _LargeMapBuilder(recording, parameters, memory, disk, jobs, progress)
+    if scheduler == LOCAL:
+        raise UsageError(
+            f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
+        )
+    with ExitStack() as stack:
+        workers: Workers = Threads(jobs or processors())
+        if scheduler is not None:
+            workers = stack.enter_context(connected(scheduler))
+        disk = stack.enter_context(Scratch(scratch))
+        builder = _LargeMapBuilder(recording, parameters, memory, disk, workers, progress)
         feed(builder, recording, progress)
         surface = builder.finish_on_disk()
         if not surface.size:
@@ -116,7 +134,7 @@ class _LargeMapBuilder(MapBuilder):
         parameters: Parameters,
         memory: int,
         disk: Scratch,
-        jobs: int | None = None,
+        workers: Workers,
         progress: Progress | None = None,
     ) -> None:
         super().__init__(
@@ -127,7 +145,7 @@ class _LargeMapBuilder(MapBuilder):
             progress=progress,
         )
         self._disk = disk
-        self._threads = jobs or processors()
+        self._evaluators = workers
         self._blocks = PointBlocks(self._pipeline.cell_size, disk.put)
         self._held = 0
         # What the program takes by itself, its kernels loaded, is no room for points.
@@ -157,7 +175,7 @@ class _LargeMapBuilder(MapBuilder):
         pipeline = self._pipeline
         parts = [
             _PatchesByX.of(surface, self._disk)
-            for surface in in_tiles(pipeline, self._blocks, tiles, self._threads, self._progress)
+            for surface in in_tiles(pipeline, self._blocks, tiles, self._evaluators, self._progress)
         ]
         strips = _strips(parts, pipeline.empty, self._room // 2 // ORDERED)
         if pipeline.final_stages:
@@ -177,11 +195,11 @@ class _LargeMapBuilder(MapBuilder):
         return replace(surface, head=head)
 
     def _tiles(self) -> list[Tile]:
-        most = self._room // self._threads // EVALUATED
+        most = self._room // self._evaluators.memory_per_point
         tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE))
         crowd = max(tile.points for tile in tiles)
         if crowd > most:
-            least = self._memory - self._room + crowd * EVALUATED * self._threads
+            least = self._memory - self._room + crowd * self._evaluators.memory_per_point
             what = (
                 f"{2**self._blocks.shift} cells square and their surroundings hold {crowd:,} points"
             )

@@ -1,8 +1,8 @@
-"""The map evaluated tile by tile: in several threads, or where all points are too many at once.
+"""The map evaluated tile by tile: by several workers, or where all points are too many at once.
 
 A tile is evaluated from the points in it and within the reach of all stages around it; each stage
 uses up its own reach of that margin, and the tile itself comes out as one pass over all points has
-it. So neither the size of the tiles nor the number of threads changes a bit of the map.
+it. So neither the size of the tiles nor who evaluates them changes a bit of the map.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -47,25 +47,67 @@ class Tile(NamedTuple):
     points: int
 
 
-# Tiles of fewer points are mostly margin.
-WORTHWHILE = 50_000
+class Workers(Protocol):
+    """Those who evaluate tiles."""
+
+    @property
+    def number(self) -> int:
+        """How many tiles are evaluated at a time."""
+
+    @property
+    def memory_per_point(self) -> int:
+        """Bytes that it takes here, at most, for each point of the largest tile."""
+
+    def evaluated(
+        self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
+    ) -> Iterator[Evaluated]:
+        """Yield the tiles evaluated, in their order."""
 
 
-def in_threads(
-    pipeline: Pipeline, points: Points, threads: int, progress: Progress | None = None
+# Tiles of fewer points are mostly margin; larger ones than those have hardly less of it in all.
+WORTHWHILE, COMFORTABLE = 50_000, 10**6
+
+# Bytes of memory that it takes at most to evaluate a point.
+EVALUATED = 400
+
+
+class Threads(NamedTuple):
+    """Threads of this process."""
+
+    number: int
+
+    @property
+    def memory_per_point(self) -> int:
+        """Bytes that it takes here, at most, for each point of the largest tile."""
+        return EVALUATED * self.number
+
+    def evaluated(
+        self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
+    ) -> Iterator[Evaluated]:
+        """Yield the tiles evaluated, in their order."""
+
+        def call(limits: Limits) -> Evaluated:
+            return evaluate(pipeline, surroundings(pipeline, blocks, limits), limits)
+
+        return in_turn((partial(call, tile.limits) for tile in tiles), self.number)
+
+
+def tiled(
+    pipeline: Pipeline, points: Points, workers: Workers, progress: Progress | None = None
 ) -> SurfaceMap:
-    """Return the map of all points, but for the final stages, made in several threads."""
+    """Return the map of all points, but for the final stages, made by several workers."""
     blocks = PointBlocks(pipeline.cell_size)
     blocks.add(points)
-    tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE, points.size // (2 * threads)))
-    return joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, threads, progress)))
+    share = points.size // (2 * workers.number)
+    tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE, min(share, COMFORTABLE)))
+    return joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, workers, progress)))
 
 
 def in_tiles(
     pipeline: Pipeline,
     blocks: PointBlocks,
     tiles: Sequence[Tile],
-    threads: int,
+    workers: Workers,
     progress: Progress | None = None,
 ) -> Iterator[SurfaceMap]:
     """Yield the map of all points tile by tile, but for the final stages.
@@ -77,12 +119,12 @@ def in_tiles(
     blocks : PointBlocks
     tiles : sequence of Tile
         From `tiles_of`.
-    threads : int
+    workers : Workers
     progress : callable, optional
         Called with ``tiles``, how many of them are done, and how many there are.
     """
-    calls = (partial(evaluate, pipeline, blocks, tile.limits) for tile in tiles)
-    for number, (surface, report) in enumerate(in_turn(calls, threads), 1):
+    evaluated = workers.evaluated(pipeline, blocks, tiles)
+    for number, (surface, report) in enumerate(evaluated, 1):
         if progress is not None:
             progress("tiles", number, len(tiles))
         pipeline.report.add(report)
@@ -100,12 +142,24 @@ def joined(empty: SurfaceMap, parts: Sequence[SurfaceMap]) -> SurfaceMap:
     return replace(empty, **columns).take(order)
 
 
-def evaluate(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Evaluated:
-    """Return the map within limits, and what became of the points in them."""
+def surroundings(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Points:
+    """Return the points that can change the map within limits."""
+    return blocks.extract(limits.widened(pipeline.reach))
+
+
+def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> Evaluated:
+    """Return the map within limits, and what became of the points in them.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    points : Points
+        The `surroundings`.
+    limits : Limits
+    """
     report = Report()
     pipeline, cell_size = pipeline.reporting_to(report), pipeline.cell_size
     margin = pipeline.reach
-    points = blocks.extract(limits.widened(margin))
     inside = _count(points, limits, cell_size)
     for filtering in pipeline.point_stages:
         margin -= filtering.reach(cell_size)

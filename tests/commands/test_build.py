@@ -242,6 +242,36 @@ BAD_INPUT = {
     ),
     "threads for a growing map": (["flight.txt", "--jobs", "2", "--growing"], 2, "--jobs"),
     "no thread": (["flight.txt", "--jobs", "0"], 2, "--jobs"),
+    "a scheduler for a sequential map": (
+        ["flight.txt", "--scheduler", "local", "--set", "mode=sequential"],
+        2,
+        "--scheduler: a sequential map",
+    ),
+    "a scheduler for a growing map": (
+        ["flight.txt", "--scheduler", "local", "--growing"],
+        2,
+        "--scheduler: does not go with --growing",
+    ),
+    "a scheduler for a replay": (
+        ["flight.txt", "--scheduler", "local", "--replay", "a.mcap"],
+        2,
+        "--scheduler: does not go with --growing or --replay",
+    ),
+    "a scheduler and threads": (
+        ["flight.txt", "--scheduler", "local", "--jobs", "2"],
+        2,
+        "--jobs: ",
+    ),
+    "workers that share the memory": (
+        ["flight.txt", "--scheduler", "local", "--memory", "1G"],
+        2,
+        "--memory: does not count",
+    ),
+    "a scheduler nowhere": (
+        ["flight.txt", "--scheduler", "10.0.0.1:8786"],
+        2,
+        "--scheduler 10.0.0.1:8786: is no address; write tcp://host:port",
+    ),
     "an unknown option": (["flight.txt", "--cellsize", "1"], 2, "--cellsize"),
     "no source": ([], 2, "SOURCE"),
     "a limit below another": (

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,14 +29,15 @@ from mlscli.pipeline.median import Median
 from mlscli.pipeline.orphans import Orphans
 from mlscli.pipeline.plaster import Plaster
 from mlscli.pipeline.pyramids import Pyramids
-from mlscli.pipeline.stage import Evaluated, MapStage, PointStage, Stage
+from mlscli.pipeline.stage import MapStage, PointStage, Stage
 from mlscli.pipeline.walls import Walls
 from mlscli.records import records_of
 from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool, Float64
+from mlscli.typing import Float64
 from tests.maps import CELL, GAP, THICKNESS
 from tests.pipeline.test_growing import one_pass, together
 from tests.pipelines import flights, parameters_of, points_at, stage_lists
+from tests.stages import Onlooker
 
 
 @settings(max_examples=60)
@@ -269,7 +270,7 @@ def at_heights(points: Sequence[tuple[float, float]]) -> Float64:
 
 
 @dataclass(frozen=True)
-class SeenPoints(PointStage):
+class SeenPoints(Onlooker):
     """Changes nothing, and says of how many points."""
 
     name = "seen points"
@@ -278,15 +279,8 @@ class SeenPoints(PointStage):
     def reach(self, cell_size: float) -> int:  # noqa: ARG002
         return 1
 
-    def evaluate(
-        self,
-        points: Points,
-        cell_size: float,  # noqa: ARG002
-        asked: Bool | None = None,  # noqa: ARG002
-        told: Callable[[int], None] | None = None,  # noqa: ARG002
-    ) -> Evaluated:
+    def look_at(self, points: Points) -> None:
         self.sizes.append(points.size)
-        return Evaluated(points.xyz[:, 2], np.zeros(points.size))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from mlscli.config import Parameters
 from mlscli.errors import InputError, OutputError, UsageError
 from mlscli.io.mapfile import read_map, write_map
 from mlscli.io.recording import open_recording
-from mlscli.pipeline import large
+from mlscli.pipeline import large, tilewise
 from mlscli.pipeline.builder import build
 from mlscli.pipeline.large import build_large
 from mlscli.summary import describe
@@ -86,7 +86,7 @@ def test_what_memory_cannot_do_is_refused_with_what_it_takes(little: int) -> Non
 def test_a_crowd_that_memory_cannot_hold_is_told(
     monkeypatch: pytest.MonkeyPatch, little: int
 ) -> None:
-    monkeypatch.setattr(large, "EVALUATED", large.LEAST)
+    monkeypatch.setattr(tilewise, "EVALUATED", large.LEAST)
     told = r"16 cells square and their surroundings hold [\d,]+ points; give at least \d+M"
     recording = open_recording(SAMPLE)
     with pytest.raises(UsageError, match=told), build_large(recording, parameters(), little):

@@ -30,7 +30,7 @@ from mlscli.pipeline.large import build_large
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.stage import Stage
-from mlscli.pipeline.tilewise import evaluate, in_tiles, joined, tiles_of
+from mlscli.pipeline.tilewise import Threads, evaluate, in_tiles, joined, surroundings, tiles_of
 from mlscli.surface_map import SurfaceMap
 from tests.bags import Sent, write_bag
 from tests.maps import CELL, symmetries, turned_map, turned_points
@@ -53,7 +53,8 @@ def test_a_window_shows_what_the_whole_map_has_there(
         high = [least + data.draw(st.integers(0, 8)) for least in low]
         ends = [data.draw(st.sampled_from([end, end, end, None])) for end in (*low, *high)]
         limits = Limits(ends[0], ends[2], ends[1], ends[3])
-        assert evaluate(pipeline, blocks, limits).surface == expected.crop(*limits)
+        points_there = surroundings(pipeline, blocks, limits)
+        assert evaluate(pipeline, points_there, limits).surface == expected.crop(*limits)
 
 
 @settings(max_examples=40)
@@ -67,7 +68,7 @@ def test_tiles_from_one_cell_to_the_whole_map_make_the_map_of_one_pass(
     tiles = tiles_of(blocks, pipeline.reach, most)
     if most == shift == 0:
         assert len(tiles) == max(1, len(blocks.occupied().points))
-    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, threads)))
+    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
     assert surface == one_pass(points, parameters_of(stages), final=False)
     once = Report()
     Pipeline(parameters_of(stages), "map", once).in_one_pass(points)

@@ -20,7 +20,7 @@ from mlscli.pipeline.builder import MapBuilder
 from mlscli.pipeline.change import points_in
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tilewise import in_tiles, joined, tiles_of
+from mlscli.pipeline.tilewise import Threads, in_tiles, joined, tiles_of
 from tests.maps import CELL, random_points
 from tests.pipeline.test_growing import PIPELINES, one_pass, parameters
 
@@ -51,7 +51,7 @@ def test_tiles_of_any_size_make_the_map_of_one_pass(
     pipeline = Pipeline(parameters(PIPELINES[stages]), "map", Report())
     blocks = two_runs(points, shift)
     tiles = tiles_of(blocks, pipeline.reach, most)
-    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, threads)))
+    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
     expected = one_pass(points, parameters(PIPELINES[stages]), final=False)
     assert surface == expected
     assert pipeline.report.dropped.total() == points.size - points_in(expected)
