@@ -16,6 +16,11 @@ from mlscli.errors import OutputError
 from mlscli.mesh import build_mesh
 from mlscli.surface_map import SurfaceMap
 
+WIDTH, HEIGHT = 1200, 800
+
+# From the south and above, as the page shows a map at first.
+TOWARDS_EYE = (-0.26, -0.72, 0.64)
+
 _INSTEAD = "leave out --window to see the map in the browser"
 
 
@@ -47,13 +52,16 @@ def show(surface: SurfaceMap, title: str) -> None:
     lines = open3d.geometry.LineSet(vectors(places), open3d.utility.Vector2iVector(mesh.lines))
     lines.colors = vectors(colours[mesh.lines[:, 0]])
     window = open3d.visualization.Visualizer()
-    if not window.create_window(window_name=title):
+    if not window.create_window(window_name=title, width=WIDTH, height=HEIGHT):
         raise OutputError(f"--window: Open3D cannot open a window on this display; {_INSTEAD}")
     try:
         options = window.get_render_option()
         options.mesh_show_back_face = True
         for shape in (faces, lines):
             window.add_geometry(shape)
+        view = window.get_view_control()
+        view.set_front(TOWARDS_EYE)
+        view.set_up((0.0, 0.0, 1.0))
         window.run()
     finally:
         window.destroy_window()

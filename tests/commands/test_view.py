@@ -145,13 +145,19 @@ def test_a_window_is_given_the_whole_mesh(monkeypatch: pytest.MonkeyPatch) -> No
 
     package = open3d()
     shown: list[Any] = []
+    front: list[float] = []
+    up: list[float] = []
 
     class Window:
         """Keeps what it is given, as a window without a screen."""
 
-        def create_window(self, window_name: str) -> bool:
+        def create_window(self, window_name: str, width: int, height: int) -> bool:
             assert window_name == "house.npz"
+            assert 0 < height < width
             return True
+
+        def get_view_control(self) -> SimpleNamespace:
+            return SimpleNamespace(set_front=front.extend, set_up=up.extend)
 
         def get_render_option(self) -> SimpleNamespace:
             return SimpleNamespace()
@@ -173,3 +179,6 @@ def test_a_window_is_given_the_whole_mesh(monkeypatch: pytest.MonkeyPatch) -> No
     assert len(faces.triangles) == len(mesh.triangles)
     assert len(lines.lines) == len(mesh.lines)
     assert rest == ["run", "closed"]
+    # One looks down at what stands upright.
+    assert front[2] > 0
+    assert up == [0, 0, 1]
