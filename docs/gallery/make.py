@@ -19,6 +19,7 @@ from benchmarks import figures
 from benchmarks.shown import Shown
 from docs.gallery.render import View, render
 from mlscli.config import load
+from mlscli.growth import patch_places
 from mlscli.mesh import Mesh, build_mesh
 from mlscli.plot import plot_above, plot_differences, plot_section
 from mlscli.quality import mapped
@@ -27,13 +28,15 @@ from mlscli.scenes.noise import Noise
 from mlscli.scenes.parts import block, cell, cells, floor, inset, ramp, wall
 from mlscli.scenes.presets import make
 from mlscli.scenes.surfaces import Scatter, Scene
+from mlscli.scoring.comparison import matches
 from mlscli.surface_map import SurfaceMap
-from mlscli.typing import UInt8
+from mlscli.typing import Float64, UInt8
 
 FOLDER = Path(__file__).parent
 MOST_BYTES = 150_000
 WIDTH = 1100
 CAPTION = 26
+PEAK = 0.1  # what is lowered by less is not seen in a picture
 
 Panel = tuple[str, Mesh]
 
@@ -69,8 +72,12 @@ def orphans() -> None:
 
 
 def pyramids() -> None:
-    """Figures 3.12 and 3.13."""
-    save("3.12-3.13", beside(panels_of(shown(figures.pyramids)), View(60, 38)))
+    """Figures 3.12 and 3.13, with rings where peaks are and were."""
+    before, after = shown(figures.pyramids)
+    was, now = matches(before.surface, after.surface)
+    lower = after.surface.height[now] < before.surface.height[was] - PEAK
+    rings = patch_places(before.surface)[was[lower]]
+    save("3.12-3.13", beside(panels_of((before, after)), View(60, 38), rings))
 
 
 def plaster() -> None:
@@ -204,10 +211,10 @@ def panels_of(rows: Iterable[Shown], style: str = "surface") -> list[Panel]:
     ]
 
 
-def beside(panels: Sequence[Panel], view: View) -> UInt8:
-    """Return pictures of meshes side by side, each under what it is."""
+def beside(panels: Sequence[Panel], view: View, rings: Float64 | None = None) -> UInt8:
+    """Return pictures of meshes side by side, each under what it is, with rings at places."""
     width = WIDTH // len(panels)
-    images = [render(mesh, width - 10, view) for _, mesh in panels]
+    images = [render(mesh, width - 10, view, rings=rings) for _, mesh in panels]
     height = max(len(image) for image in images)
     page = Image.new("RGB", (WIDTH, height + CAPTION), "white")
     draw, font = ImageDraw.Draw(page), ImageFont.load_default(size=15)

@@ -10,14 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from PIL import Image, ImageDraw
 
 from mlscli.mesh import ROUTE, Mesh
+from mlscli.plot.differences import RING
 from mlscli.typing import Float64, Int64, UInt8
 
 FINER = 3
 """Pixels of the drawing along each side of one of the picture."""
 
 PAPER = 255
+RADIUS = 11
 _LIGHT = np.array((-0.45, -0.35, 0.82)) / np.linalg.norm((-0.45, -0.35, 0.82))
 
 
@@ -43,8 +46,13 @@ class View(NamedTuple):
         return np.array((right, np.cross(towards, right), towards))
 
 
-def render(mesh: Mesh, width: int, view: View, most: int = 10_000) -> UInt8:
-    """Return a picture of a mesh, uint8 (height, width, 3), at most so high."""
+def render(
+    mesh: Mesh, width: int, view: View, most: int = 10_000, rings: Float64 | None = None
+) -> UInt8:
+    """Return a picture of a mesh, uint8 (height, width, 3), at most so high.
+
+    Around each of the places in `rings` (N, 3) is a ring, whatever lies before it.
+    """
     seen = mesh.vertices @ view.axes().T
     low, high = seen.min(axis=0), seen.max(axis=0)
     margin = 4 * FINER
@@ -52,9 +60,9 @@ def render(mesh: Mesh, width: int, view: View, most: int = 10_000) -> UInt8:
     scale = min(scale, (FINER * most - 2 * margin) / (high[1] - low[1]))
     height = int(np.ceil((scale * (high[1] - low[1]) + 2 * margin) / FINER))
     left = (FINER * width - scale * (high[0] - low[0])) / 2
-    x = (seen[:, 0] - low[0]) * scale + left
-    y = (high[1] - seen[:, 1]) * scale + margin
-    place = np.column_stack((x, y, seen[:, 2] * scale))
+    corner = np.array((low[0] - left / scale, high[1] + margin / scale, 0.0))
+    flipped = np.array((scale, -scale, scale))
+    place = (seen - corner) * flipped
     image = np.full((FINER * height, FINER * width, 3), float(PAPER))
     depth = np.full(image.shape[:2], -np.inf)
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
@@ -72,7 +80,18 @@ def render(mesh: Mesh, width: int, view: View, most: int = 10_000) -> UInt8:
     _stroke(image, depth, place, spots, colours, 2 * FINER - 1, 2.0)
     small = image.reshape(height, FINER, width, FINER, 3).mean(axis=(1, 3))
     picture: UInt8 = np.rint(small).astype(np.uint8)
+    if rings is not None:
+        picture = _ringed(picture, (rings @ view.axes().T - corner) * flipped / FINER)
     return picture
+
+
+def _ringed(picture: UInt8, place: Float64) -> UInt8:
+    """Draw rings around places, in pixels of the picture."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    for x, y, _ in place.tolist():
+        draw.ellipse((x - RADIUS, y - RADIUS, x + RADIUS, y + RADIUS), outline=RING, width=2)
+    return np.asarray(image)
 
 
 @njit(cache=True)
