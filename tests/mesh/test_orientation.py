@@ -104,14 +104,38 @@ def test_triangles_run_through_shared_edges_in_opposite_directions(name: str) ->
 def test_edges_have_three_triangles_where_the_map_branches_and_none_has_more(
     name: str, branches: set[str]
 ) -> None:
+    edges = kinds_at_edges(build_mesh(truth(make(name), 0.15, 0.5, 0.15)))
+    assert {kinds for kinds in edges.values() if len(kinds) > 2} == branches
+
+
+@pytest.mark.parametrize(
+    ("name", "open_at"),
+    [
+        *((name, set()) for name in ("bridge-walls", "planes-walls", "bridge-gap", "tunnel")),
+        # Sills and lintels of windows.
+        ("house-storeys", {0.3, 0.9, 1.5, 2.1}),
+        ("gym", {0.9, 1.5, 2.1}),
+    ],
+)
+def test_walls_are_closed_at_foot_and_top_onto_what_they_meet(
+    name: str, open_at: set[float]
+) -> None:
     mesh = build_mesh(truth(make(name), 0.15, 0.5, 0.15))
+    alone = np.array([edge for edge, kinds in kinds_at_edges(mesh).items() if kinds == "w"])
+    begin, end = mesh.vertices[alone[:, 0]], mesh.vertices[alone[:, 1]]
+    level = np.hypot(*(end - begin)[:, :2].T) > 1e-9
+    assert {round(height, 6) for height in (begin + end)[level, 2] / 2} == open_at
+
+
+def kinds_at_edges(mesh: Mesh) -> dict[tuple[int, int], str]:
+    """Return what triangles each edge has, by its ends: f of a floor, w of a wall, in order."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
     kind = np.where(np.abs(np.cross(b - a, c - a)[:, 2]) < 1e-12, "w", "f").tolist()
     found = defaultdict[tuple[int, int], list[str]](list)
     for corners, which in zip(mesh.triangles.tolist(), kind, strict=True):
         for i in range(3):
             found[min(corners[i - 1], corners[i]), max(corners[i - 1], corners[i])].append(which)
-    assert {"".join(sorted(kinds)) for kinds in found.values() if len(kinds) > 2} == branches
+    return {edge: "".join(sorted(kinds)) for edge, kinds in found.items()}
 
 
 def test_a_tunnel_looks_into_itself_but_for_its_vault() -> None:
