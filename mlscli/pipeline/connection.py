@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import re
 import signal
@@ -87,9 +86,7 @@ def connected(scheduler: str) -> Iterator[Cluster]:
 def _reached(address: str, distributed: Any) -> Iterator[Any]:
     """Connect to a scheduler that runs."""
     try:
-        # On a thread of its own, where no loop can run already.
-        with ThreadPoolExecutor(1) as pool:
-            pool.submit(asyncio.run, _shake_hands(address, distributed)).result()
+        _shake_hands(address, distributed)
         with warnings.catch_warnings():
             # What Dask says of versions is looked at more closely later.
             warnings.simplefilter("ignore")
@@ -101,11 +98,18 @@ def _reached(address: str, distributed: Any) -> Iterator[Any]:
         yield client
 
 
-async def _shake_hands(address: str, distributed: Any) -> None:
+def _shake_hands(address: str, distributed: Any) -> None:
     """Try to connect; Dask's client would wait for ever for one that accepts and says nothing."""
-    security = distributed.Security().get_connection_args("client")
-    reached = distributed.comm.connect(address, timeout=ANSWER, **security)
-    await (await asyncio.wait_for(reached, ANSWER)).close()
+    import asyncio
+
+    async def reach() -> None:
+        security = distributed.Security().get_connection_args("client")
+        reached = distributed.comm.connect(address, timeout=ANSWER, **security)
+        await (await asyncio.wait_for(reached, ANSWER)).close()
+
+    # On a thread of its own: in a notebook this one runs a loop already.
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(asyncio.run, reach()).result()
 
 
 @contextmanager
