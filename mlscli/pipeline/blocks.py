@@ -90,6 +90,11 @@ class PointBlocks:
         start = runs(keys)
         self._runs.append(Run(keys[start[:-1]], start, self._put(records)))
 
+    @property
+    def entries(self) -> int:
+        """How many blocks are listed in memory, those of each run by themselves."""
+        return sum(len(run.blocks) for run in self._runs)
+
     def occupied(self) -> Block:
         """Return the blocks that hold points."""
         keys = np.concatenate([np.empty(0, np.uint64), *(run.blocks for run in self._runs)])

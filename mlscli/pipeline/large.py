@@ -45,9 +45,9 @@ from mlscli.typing import Array, Int32, Int64
 if TYPE_CHECKING:
     from mlscli.io.recording import Recording
 
-# Bytes of memory that it takes at most to sort a point, to put a patch in order, and to run the
-# stages that need the whole map on a patch.
-SORTED, ORDERED, FINISHED = 200, 400, 1000
+# Bytes of memory that it takes at most to sort a point, to know where the points of a block lie, to
+# put a patch in order, and to run the stages that need the whole map on a patch.
+SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
 
 # Bytes with which work can be done at all, besides those of the program itself.
 LEAST = 32 * 2**20
@@ -158,13 +158,22 @@ class _LargeMapBuilder(MapBuilder):
     def _process_waiting(self) -> None:
         self._gather()
         self._held += self._batches[-1].size
-        if self._held * SORTED > self._room // 2:
+        if self._held * SORTED > self._left // 2:
             self._put_away()
 
     def _put_away(self) -> None:
         self._held = 0
         with self.report.timed("sorting"):
             self._blocks.add(self._unseen())
+        if self._left < LEAST:
+            least = self._memory - self._left + LEAST
+            what = f"the points lie in {self._blocks.entries:,} blocks, which have to be listed"
+            raise too_little(self._memory, least, what)
+
+    @property
+    def _left(self) -> int:
+        """Bytes that there is room for besides the list of where points lie."""
+        return self._room - self._blocks.entries * INDEXED
 
     def finish_on_disk(self) -> StoredMap:
         """Process what waits, and return the map of all points."""
@@ -195,11 +204,11 @@ class _LargeMapBuilder(MapBuilder):
         return replace(surface, head=head)
 
     def _tiles(self) -> list[Tile]:
-        most = self._room // self._evaluators.memory_per_point
+        most = self._left // self._evaluators.memory_per_point
         tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE))
         crowd = max(tile.points for tile in tiles)
         if crowd > most:
-            least = self._memory - self._room + crowd * self._evaluators.memory_per_point
+            least = self._memory - self._left + crowd * self._evaluators.memory_per_point
             what = (
                 f"{2**self._blocks.shift} cells square and their surroundings hold {crowd:,} points"
             )

@@ -93,6 +93,16 @@ def test_a_crowd_that_memory_cannot_hold_is_told(
         pass
 
 
+def test_points_too_scattered_to_be_listed_are_told(
+    monkeypatch: pytest.MonkeyPatch, little: int
+) -> None:
+    recording = open_recording(SAMPLE)
+    monkeypatch.setattr(large, "INDEXED", large.LEAST // 2)
+    told = r"too little: the points lie in [\d,]+ blocks, which have to be listed; give .* \d+M"
+    with pytest.raises(UsageError, match=told), build_large(recording, parameters(), little):
+        pass
+
+
 def test_regions_that_memory_cannot_hold_are_told(
     monkeypatch: pytest.MonkeyPatch, little: int, tmp_path: Path
 ) -> None:
