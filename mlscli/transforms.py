@@ -127,7 +127,7 @@ class TransformTree:
         target, source = bare(target), bare(source)
         if target == source:
             return identity(len(stamps))
-        changing = [child for child, moving in self._moving.items() if len(moving.parents) > 1]
+        changing = self._changing
         if not changing:
             return self._along(self._route(target, source), stamps)
         poses, faults = unknown(len(stamps)), []
@@ -142,6 +142,38 @@ class TransformTree:
         if faults and not poses.known.any():
             raise faults[0]
         return poses
+
+    def check_way(self, target: str, source: str) -> None:
+        """Refuse frames that nothing connects at any time.
+
+        Raises
+        ------
+        InputError
+            There are such frames, or they hang in a circle.
+        """
+        target, source = bare(target), bare(source)
+        changing = self._changing
+        if target == source:
+            return
+        if not changing:
+            self._route(target, source)
+            return
+        # Parents change at these times, and at no others.
+        stamps = np.concatenate([self._moving[child].track.stamps for child in changing])
+        faults = []
+        for _, parents in self._periods(changing, stamps):
+            try:
+                self._find_route(target, source, parents)
+            except InputError as fault:
+                faults.append(fault)
+            else:
+                return
+        raise faults[0]
+
+    @property
+    def _changing(self) -> list[str]:
+        """The frames that have had several parents."""
+        return [child for child, moving in self._moving.items() if len(moving.parents) > 1]
 
     def _parents(self, child: str) -> list[str]:
         """Return the parents that a frame has had; none at the root."""

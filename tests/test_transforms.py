@@ -197,6 +197,22 @@ def test_where_frames_part_at_times_they_are_known_at_the_others() -> None:
         tree.lookup("truck", "box", np.array([4.0, 5.0]))
 
 
+def test_frames_have_a_way_if_they_are_connected_at_any_time() -> None:
+    tree = reparented()
+    tree.add("map", "ship", *still(0))
+    # The box hangs below the ship in the end, and this below the map.
+    for target in ("truck", "harbour", "ship", "map", "box"):
+        tree.check_way(target, "box")
+    tree.add("elsewhere", "radar", *still(1))
+    with pytest.raises(InputError, match="'radar' is connected with 'elsewhere'"):
+        tree.check_way("truck", "radar")
+    tree = TransformTree()
+    tree.add("odom", "base", *still(1))
+    tree.check_way("base", "/odom")
+    with pytest.raises(InputError, match="'map' is connected with nothing"):
+        tree.check_way("map", "base")
+
+
 # What cannot be answered
 
 

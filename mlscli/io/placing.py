@@ -54,9 +54,6 @@ class Asked:
     trajectory: Trajectory | None = None
 
 
-_NEVER = np.array([np.nan])
-# Asked about this time, a tree only tells whether frames are connected.
-
 Way = Callable[[float], Pose | None]
 """T_map_cloud at a time; None where not known."""
 
@@ -99,7 +96,7 @@ class Placing:
         placing = cls(frame_id, asked, tree, track, notes=notes)
         if track is not None:
             with named(f"--pose-topic {asked.pose_topic}"):
-                placing._in_map(track, _NEVER)
+                tree.check_way(frame_id, track.parent or frame_id)
         for source in sources:
             placing._check(source)
         return placing
@@ -140,14 +137,15 @@ class Placing:
         times = np.array([stamp])
         if self._asked.trajectory is not None:
             return _known(self._asked.trajectory.at(times))
-        if self._track is not None:
-            return _known(self._in_map(self._track, times).translation)
         body = self._body
-        if body is None or body == self.frame_id:
-            return None
         try:
+            if self._track is not None:
+                return _known(self._in_map(self._track, times).translation)
+            if body is None or body == self.frame_id:
+                return None
             return _known(self._tree.lookup(self.frame_id, body, times).translation)
         except InputError:
+            # The frames are connected at other times.
             return None
 
     @cached_property
@@ -185,7 +183,7 @@ class Placing:
             )
         # Refused at once where nothing connects the frames at any time.
         with named(source.label):
-            self._tree.lookup(self.frame_id, frame, _NEVER)
+            self._tree.check_way(self.frame_id, frame)
         return self._way_by_tree(frame)
 
     def _way_by_tree(self, frame: str) -> Way:

@@ -455,6 +455,33 @@ def test_poses_in_a_frame_that_nothing_leads_from_are_an_error(tmp_path: Path) -
         opened(tmp_path, messages, pose_topic="/odometry", frame="map")
 
 
+@pytest.mark.parametrize("connected_at", [0, 10])
+@pytest.mark.parametrize("frame", ["map", "base_link"])
+def test_poses_whose_frame_is_in_the_map_at_times_count_at_these(
+    tmp_path: Path, connected_at: int, frame: str
+) -> None:
+    elsewhere = 10 - connected_at
+    messages = [
+        *(transform(connected_at + t, "map", "odom", LEVER) for t in (0, 4)),
+        *(transform(elsewhere + t, "hall", "odom", LEVER) for t in (0, 4)),
+        *(odometry(t, FIRST) for t in (0, 4, 10, 14)),
+        *(cloud(t, frame) for t in (2, 12)),
+    ]
+    recording = opened(tmp_path, messages, pose_topic="/odometry", frame="map")
+    keyframes = list(recording.keyframes())
+    (there,) = (k for k in keyframes if k.stamp == BEGIN + connected_at + 2)
+    position = (matrix(LEVER) @ matrix(FIRST))[:3, 3]
+    if frame == "map":
+        # Taken as they are; where the craft was is known of one.
+        assert len(keyframes) == 2
+        assert_near(there.position, position)
+        assert np.isnan([k.position for k in keyframes if k is not there]).all()
+    else:
+        assert len(keyframes) == 1
+        assert_near(there.points, moved(matrix(LEVER), matrix(FIRST)))
+        assert recording.tally.unplaced == 1
+
+
 def test_poses_of_several_bodies_in_one_topic_are_not_mixed(tmp_path: Path) -> None:
     messages = [
         odometry(0, FIRST),
