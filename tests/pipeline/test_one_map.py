@@ -39,7 +39,7 @@ from tests.pipelines import clouds, flights, in_batches, parameters_of, points_a
 
 
 @settings(max_examples=40)
-@given(clouds, stage_lists(), st.integers(0, 5), st.data())
+@given(clouds(), stage_lists(), st.integers(0, 5), st.data())
 def test_a_window_shows_what_the_whole_map_has_there(
     points: Points, stages: tuple[Stage, ...], shift: int, data: st.DataObject
 ) -> None:
@@ -58,7 +58,9 @@ def test_a_window_shows_what_the_whole_map_has_there(
 
 
 @settings(max_examples=40)
-@given(clouds, stage_lists(), st.integers(0, 6), st.integers(0, 400), st.sampled_from([1, 2, 3, 8]))
+@given(
+    clouds(), stage_lists(), st.integers(0, 6), st.integers(0, 400), st.sampled_from([1, 2, 3, 8])
+)
 def test_tiles_from_one_cell_to_the_whole_map_make_the_map_of_one_pass(
     points: Points, stages: tuple[Stage, ...], shift: int, most: int, threads: int
 ) -> None:
@@ -99,7 +101,7 @@ def test_a_builder_makes_one_map_with_any_number_of_threads(
 
 
 @settings(max_examples=20)
-@given(clouds, stage_lists(), st.sampled_from([1, 2, 3, 8]), st.data())
+@given(clouds(), stage_lists(), st.sampled_from([1, 2, 3, 8]), st.data())
 def test_a_map_made_on_disk_is_the_map_of_one_pass(
     tmp_path_factory: pytest.TempPathFactory,
     cloud: Points,
@@ -143,7 +145,7 @@ def in_blocks(points: Points, shift: int) -> PointBlocks:
 
 
 @settings(max_examples=25)
-@given(clouds, stage_lists(limits=False))
+@given(clouds(), stage_lists(limits=False))
 def test_shuffling_and_turning_the_points_shuffles_and_turns_the_map(
     cloud: Points, stages: tuple[Stage, ...]
 ) -> None:
@@ -185,7 +187,14 @@ def test_a_build_that_is_ended_half_way_leaves_no_file(
     scratch.mkdir()
     command = [sys.executable, "-m", "mlscli", "build", "flight.bag", "--memory", "1G"]
     command += ["--set", "map.cell_size=0.2", "--scratch", str(scratch)]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        # Where tests run in the background, interrupts are ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
         while not opened_in(scratch, process.pid):
             assert process.poll() is None
             time.sleep(0.02)
