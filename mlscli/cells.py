@@ -5,7 +5,8 @@ A packed key holds both indices of a cell in 64 bits, so that keys sort as (ix, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -118,7 +119,7 @@ class CellSet:
 
     def widened(self, reach: int) -> CellSet:
         """Return the cells within `reach` of one of these, in x and in y."""
-        return replace(self, reach=self.reach + reach)
+        return CellSet(self.keys, self.reach + reach)
 
     def contains(self, ix: Array, iy: Array) -> Bool:
         """Tell which of the cells given are in the set; fastest where they ascend."""
@@ -130,11 +131,18 @@ class CellSet:
 
     def strips(self, most: int) -> Strips | None:
         """Return the cells of the set by strips; None where there may be far more than `most`."""
-        strips = Strips(*strips_of(self.keys))
+        strips = self._strips
+        if self.reach == 0:
+            return strips
         square = (2 * self.reach + 1) * ((2 * self.reach >> SHIFT) + 2)
         if len(strips.number) * square > max(_FEW, most):
             return None
         return Strips(*widened(*strips, self.reach))
+
+    @cached_property
+    def _strips(self) -> Strips:
+        """The cells that are listed, by strips."""
+        return Strips(*strips_of(self.keys))
 
     def strips_among(self, numbers: UInt64) -> Strips:
         """Return those cells of the set that lie in the strips given, which ascend."""

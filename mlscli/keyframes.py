@@ -76,14 +76,14 @@ class Batch(NamedTuple):
 
 def gather(keyframes: Iterable[Keyframe], first: int = 0) -> Batch:
     """Put keyframes together, numbered from `first` in the order given."""
-    clouds = [np.empty((0, 3))]
-    route = []
+    clouds, route = [], []
     for keyframe in keyframes:
         clouds.append(keyframe.points)
         route.append((keyframe.stamp, *keyframe.position))
-    sizes = [len(cloud) for cloud in clouds[1:]]
-    numbers = np.arange(first, first + len(sizes), dtype=np.int32)
-    points = Points(np.ascontiguousarray(np.concatenate(clouds)), np.repeat(numbers, sizes))
+    numbers = np.arange(first, first + len(clouds), dtype=np.int32)
+    of_each = np.repeat(numbers, [len(cloud) for cloud in clouds])
+    xyz = clouds[0] if len(clouds) == 1 else np.concatenate([np.empty((0, 3)), *clouds])
+    points = Points(np.ascontiguousarray(xyz), of_each)
     return Batch(points, np.array(route, dtype=np.float64).reshape(-1, 4))
 
 

@@ -15,6 +15,7 @@ def runs(keys: Array) -> Int64:
     return np.append(np.flatnonzero(new), len(keys))
 
 
+@kernel
 def upright(
     top: Float64, bottom: Float64, mean: Float64, variance: Float64, thickness: float
 ) -> tuple[Float64, Float64]:
@@ -24,9 +25,12 @@ def upright(
     is less: the bare extent grows with the number of points, so that more data would turn noisy
     floors into walls.
     """
-    extent = top - bottom
-    vertical: Bool = np.minimum(extent, np.sqrt(12 * variance)) > thickness
-    return np.where(vertical, top, mean), np.where(vertical, extent, 0.0)
+    height, depth = np.empty(len(top)), np.empty(len(top))
+    for i in range(len(top)):
+        extent = top[i] - bottom[i]
+        vertical = min(extent, np.sqrt(12 * variance[i])) > thickness
+        height[i], depth[i] = (top[i], extent) if vertical else (mean[i], 0.0)
+    return height, depth
 
 
 @kernel

@@ -55,9 +55,7 @@ def order_by_cell(ix: Int32, iy: Int32, z: Float64) -> Ordered:
     """Order points by cell and by height in each cell."""
     # No point needs more than 4 bytes for its number but in clouds that fill 100 GB.
     order = np.arange(len(ix), dtype=np.uint32 if len(ix) < 2**32 else np.int64)
-    keys, shift = _packed(ix, iy, z)
-    keys, order = _sorted(keys, order)
-    start = _starts(keys, shift)
+    order, start = _by_cell(ix, iy, z, order)
     heights = np.empty(len(order))
     in_ranges(
         len(start) - 1,
@@ -72,6 +70,14 @@ def _locate(xyz: Float64, size: float, ix: Int32, iy: Int32) -> None:
     for i in range(len(xyz)):
         ix[i] = np.int32(np.floor(xyz[i, 0] / size))
         iy[i] = np.int32(np.floor(xyz[i, 1] / size))
+
+
+@kernel
+def _by_cell(ix: Int32, iy: Int32, z: Float64, order: Array) -> tuple[Array, Int64]:
+    """Order points by cell and roughly by height; return where those of each cell begin, too."""
+    keys, shift = _packed(ix, iy, z)
+    keys, order = _sorted(keys, order)
+    return order, _starts(keys, shift)
 
 
 @kernel

@@ -15,7 +15,7 @@ from mlscli.cells import pack
 from mlscli.kernels import kernel
 from mlscli.pipeline.ordering import cells_of, order_by_cell
 from mlscli.threads import in_ranges
-from mlscli.typing import Array, Float64, Int64, UInt64
+from mlscli.typing import Array, Float64, Int32, Int64, UInt64
 
 _IN_EACH = 5
 # A fine column with more points than these is entered where heights begin to be near.
@@ -65,9 +65,7 @@ class PointGrid(NamedTuple):
         side = max(1.001 * radius, farthest * 2.0**-30)
         ix, iy = cells_of(xyz, side)
         by_height, start, _ = order_by_cell(ix, iy, xyz[:, 2])
-        one_of_each = by_height[start[:-1]]
-        keys = pack(ix[one_of_each], iy[one_of_each])
-        divisions, first = _divided(start)
+        keys, divisions, first = _divided(ix, iy, by_height, start)
         fine = np.empty(first[-1] + 1, dtype=np.int64)
         fine[-1] = len(xyz)
         order, ordered = np.empty_like(by_height), np.empty_like(xyz)
@@ -77,6 +75,8 @@ class PointGrid(NamedTuple):
 
     def columns(self, begin: int, end: int) -> tuple[int, int]:
         """Return from which to which column those are whose points begin in a range."""
+        if (begin, end) == (0, len(self.order)):
+            return 0, len(self.keys)
         first, last = np.searchsorted(self.start[:-1], (begin, end))
         return int(first), int(last)
 
@@ -91,14 +91,16 @@ def _farthest(xyz: Float64) -> float:
 
 
 @kernel
-def _divided(start: Int64) -> tuple[Int64, Int64]:
-    """Return into how many parts each column is divided, and the numbers of the first."""
-    divisions, first = np.empty(len(start) - 1, dtype=np.int64), np.zeros_like(start)
+def _divided(ix: Int32, iy: Int32, order: Array, start: Int64) -> tuple[UInt64, Int64, Int64]:
+    """Return the keys of columns, into how many parts each is divided, and the first of these."""
+    one_of_each = order[start[:-1]]
+    keys = pack(ix[one_of_each], iy[one_of_each])
+    divisions, first = np.empty(len(keys), dtype=np.int64), np.zeros_like(start)
     for column in range(len(divisions)):
         points = start[column + 1] - start[column]
         divisions[column] = max(1, int(np.sqrt(points / _IN_EACH)))
         first[column + 1] = first[column] + divisions[column] ** 2
-    return divisions, first
+    return keys, divisions, first
 
 
 @kernel
@@ -189,8 +191,11 @@ def gather(
         if left > side or right < 0 or lower > side or upper < 0:
             continue
         divisions = all_divisions[column]
-        lowest, highest = part(lower, side, divisions), part(upper, side, divisions)
-        for ix in range(part(left, side, divisions), part(right, side, divisions) + 1):
+        leftmost = rightmost = lowest = highest = 0
+        if divisions > 1:
+            leftmost, rightmost = part(left, side, divisions), part(right, side, divisions)
+            lowest, highest = part(lower, side, divisions), part(upper, side, divisions)
+        for ix in range(leftmost, rightmost + 1):
             row = firsts[column] + ix * divisions
             for number in range(row + lowest, row + highest + 1):
                 begin, end = fine[number], fine[number + 1]

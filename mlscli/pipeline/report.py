@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 
@@ -46,11 +44,21 @@ class Report:
             self.drop(reason, points)
         self.seconds.update(part.seconds)
 
-    @contextmanager
-    def timed(self, what: str) -> Iterator[None]:
+    def timed(self, what: str) -> Timed:
         """Add the time that a block takes to what it is spent on."""
-        begin = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[what] += time.perf_counter() - begin  # type: ignore[assignment]
+        return Timed(self.seconds, what)
+
+
+class Timed:
+    """Takes the time of a block."""
+
+    def __init__(self, seconds: Counter[str], what: str) -> None:
+        self._seconds, self._what = seconds, what
+
+    def __enter__(self) -> None:
+        """Begin."""
+        self._begin = time.perf_counter()
+
+    def __exit__(self, *raised: object) -> None:
+        """Add the time, even where the block raised."""
+        self._seconds[self._what] += time.perf_counter() - self._begin  # type: ignore[assignment]

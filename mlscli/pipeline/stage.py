@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from mlscli.cells import Limits
+from mlscli.kernels import kernel
 from mlscli.keyframes import Points
 from mlscli.parameters import Length, parameter
-from mlscli.typing import Bool, Float64
+from mlscli.typing import Bool, Float64, Int32
 
 if TYPE_CHECKING:
     from mlscli.surface_map import SurfaceMap
@@ -91,10 +92,18 @@ class PointStage(Stage):
     ) -> Points:
         """Return the points that stay, in their order, with their new heights."""
         height = self.evaluate(points, cell_size, told=told).height
-        stays = ~np.isnan(height)
-        xyz = points.xyz[stays]
-        xyz[:, 2] = height[stays]
-        return Points(xyz, points.keyframe[stays])
+        return Points(*_kept(*points, height))
+
+
+@kernel
+def _kept(xyz: Float64, keyframe: Int32, height: Float64) -> tuple[Float64, Int32]:
+    """Return the points whose new heights are not NaN, at these heights."""
+    stays = np.flatnonzero(~np.isnan(height))
+    moved, which = np.empty((len(stays), 3)), np.empty(len(stays), dtype=np.int32)
+    for place, i in enumerate(stays):
+        moved[place, 0], moved[place, 1], moved[place, 2] = xyz[i, 0], xyz[i, 1], height[i]
+        which[place] = keyframe[i]
+    return moved, which
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from mlscli.config import Parameters
 from mlscli.keyframes import Keyframe, Points
 from mlscli.merging import add_measured
 from mlscli.pipeline.builder import MapBuilder
-from mlscli.pipeline.change import Change, difference
+from mlscli.pipeline.change import Change
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.median import Median
 from mlscli.pipeline.orphans import Orphans
@@ -271,7 +271,8 @@ def test_a_patch_that_differs_in_any_column_is_a_change() -> None:
     for name in set(surface.columns) - {"ix", "iy"}:
         column = surface.columns[name].copy()
         column[3:4].view(np.uint8)[0] ^= 1
-        change = difference(surface, replace(surface, **{name: column}))
+        other = replace(surface, **{name: column})
+        change = Change.between(records_of(surface), records_of(other), surface)
         assert (change.removed.size, change.added.size) == (1, 1), name
         assert change.removed == surface.take(np.array([3]))
 
