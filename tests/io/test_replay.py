@@ -197,8 +197,8 @@ def test_what_comes_late_of_earlier_keyframes_does_not_turn_time_back(tmp_path: 
 
 
 def test_what_is_told_goes_to_the_file_and_is_not_held(tmp_path: Path) -> None:
-    surface = replace(a_map(*plane(200, 100)), route=np.zeros((100, 4)))
-    first = (surface.iy % 100).astype(np.int32)
+    surface = replace(a_map(*plane(80, 40)), route=np.zeros((40, 4)))
+    first = surface.iy.astype(np.int32)
     surface = replace(surface, first_keyframe=first, last_keyframe=first)
     held, written = [], []
     with open_replay(tmp_path / "a.mcap") as replay:
@@ -208,7 +208,7 @@ def test_what_is_told_goes_to_the_file_and_is_not_held(tmp_path: Path) -> None:
             del change
             written.append(sum(file.stat().st_size for file in tmp_path.rglob("*.mcap")))
         assert [alive for alive in held if alive() is not None] == []
-        assert len(set(written)) > 10
+        assert len(set(written)) > 3
         replay.finish(surface)
     assert_patches(with_mcap(tmp_path / "a.mcap")["/mls/patches"][-1].content, surface, np.zeros(3))
 
