@@ -152,7 +152,7 @@ def one_pass(keyframes: Sequence[Keyframe], parameters: Parameters) -> SurfaceMa
     """Return what every stage makes of all points at once."""
     pipeline = Pipeline(parameters, "map", Report())
     points: Points = gather(keyframes).points
-    return pipeline.finished(pipeline.in_one_pass(points))
+    return pipeline.finished(pipeline.mapped(pipeline.measured(points)))
 
 
 def differ(one: SurfaceMap, other: SurfaceMap) -> int:

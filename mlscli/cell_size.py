@@ -41,8 +41,9 @@ def auto_cell_size(xyz: Float64, told: Callable[[int], None] | None = None) -> f
     tree = cKDTree(xyz)
 
     def nearest(begin: int, end: int) -> Float64:
-        # Threads of scipy's own would outlive an interrupt.
-        distances, _ = tree.query(xyz[begin:end], k=[NEIGHBOUR + 1])
+        # In the order of the tree, points of a range lie together: that halves the time. Threads
+        # of scipy's own would outlive an interrupt.
+        distances, _ = tree.query(xyz[tree.indices[begin:end]], k=[NEIGHBOUR + 1])
         return np.asarray(distances)
 
     distances = np.concatenate(in_ranges(len(xyz), nearest, told))

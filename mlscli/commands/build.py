@@ -150,7 +150,8 @@ def command(
                 progress=progress,
             )
             built = stack.enter_context(large)
-        write_map(target, built.surface, overwrite=overwrite)
+        with built.report.timed("writing"):
+            write_map(target, built.surface, overwrite=overwrite)
         if replay is not None and isinstance(built.surface, SurfaceMap):
             played.finish(built.surface)
         account = _account(target, built, recording.losses)

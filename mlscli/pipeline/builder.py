@@ -8,7 +8,8 @@ batches.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -194,10 +195,11 @@ class MapBuilder:
 
     def _at_once(self) -> SurfaceMap:
         """Return the map that one pass makes of all points, by those who are to make it."""
-        points = self._unseen()
-        if self._workers is None:
-            return self._pipeline.in_one_pass(points, self._progress)
-        return tiled(self._pipeline, points, self._workers, self._progress)
+        pipeline, progress = self._pipeline, self._progress
+        if self._workers is not None:
+            return tiled(pipeline, self._unseen(), self._workers, progress)
+        # Nothing here keeps the points: they are let go as soon as they are filtered.
+        return pipeline.mapped(pipeline.measured(self._unseen(), progress), progress)
 
     def _seed(self) -> GrowingMap:
         """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
@@ -218,10 +220,17 @@ class MapBuilder:
 
     def _unseen(self) -> Points:
         """Return the points of the batches that the map has not seen, which are so no more."""
-        batches, self._batches = self._batches or [gather([]).points], []
-        if len(batches) == 1:
-            return batches[0]
-        return Points(*(np.concatenate(column) for column in zip(*batches, strict=True)))
+        if len(self._batches) == 1:
+            return self._batches.pop()
+        size = sum(batch.size for batch in self._batches)
+        points = Points(np.empty((size, 3)), np.empty(size, dtype=np.int32))
+        while self._batches:
+            # From behind, each let go when it is copied: no more is held twice.
+            batch = self._batches.pop()
+            points.xyz[size - batch.size : size] = batch.xyz
+            points.keyframe[size - batch.size : size] = batch.keyframe
+            size -= batch.size
+        return points
 
     def _described(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the route, and with what its meta says of it."""
@@ -286,16 +295,13 @@ def build(
             return build(recording, parameters, progress, follow, scheduler=cluster)
     parameters = Parameters() if parameters is None else parameters
     reading = Report()
-    held = None
+    held: Iterator[Keyframe] | None = None
     if parameters.map.cell_size == "auto":
         # The size comes from the whole recording, before the first batch.
-        held = list(read(recording, reading, progress))
-        xyz = np.concatenate([keyframe.points for keyframe in held])
-        with reading.timed("cell size"):
-            cell_size = auto_cell_size(
-                xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
-            )
-        parameters = parameters.with_cell_size(cell_size)
+        keyframes = deque(read(recording, reading, progress))
+        parameters = parameters.with_cell_size(_cell_size_of(keyframes, reading, progress))
+        # Let go as they are taken.
+        held = (keyframes.popleft() for _ in range(len(keyframes)))
     builder = MapBuilder(
         parameters,
         recording.frame_id,
@@ -312,6 +318,17 @@ def build(
     if not surface.size:
         raise InputError(emptied(recording, builder.report))
     return Build(surface, builder.report)
+
+
+def _cell_size_of(
+    keyframes: Collection[Keyframe], report: Report, progress: Progress | None
+) -> float:
+    """Find the size of cells for all points; the time that takes goes to the report."""
+    xyz = np.concatenate([keyframe.points for keyframe in keyframes])
+    with report.timed("cell size"):
+        return auto_cell_size(
+            xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
+        )
 
 
 def feed(

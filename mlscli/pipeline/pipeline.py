@@ -1,7 +1,7 @@
 """The stages of a configuration in their order: the map as a function of the points.
 
-Where the function is evaluated is the choice of others: everywhere at once (`in_one_pass`), tile
-by tile (`tilewise`), or where a batch can change something (`growing`).
+Where the function is evaluated is the choice of others: everywhere at once (`measured`, then
+`mapped`), tile by tile (`tilewise`), or where a batch can change something (`growing`).
 """
 
 from __future__ import annotations
@@ -72,9 +72,8 @@ class Pipeline:
         self.map_stages = list(bounded)
         self.final_stages = map_stages[len(self.map_stages) :]
 
-    def in_one_pass(self, points: Points, progress: Progress | None = None) -> SurfaceMap:
-        """Return the map of all points, but for the final stages."""
-        surface = self.measured(points, progress)
+    def mapped(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
+        """Return what all map stages make of measured patches, but for the final ones."""
         for stage in self.map_stages:
             surface = self.counted(stage, surface, progress)
         return surface

@@ -64,7 +64,7 @@ class PointGrid(NamedTuple):
         # The margin outweighs the rounding of quotients, whose size the second term bounds.
         side = max(1.001 * radius, farthest * 2.0**-30)
         ix, iy = cells_of(xyz, side)
-        by_height, start, _ = order_by_cell(ix, iy, xyz[:, 2])
+        by_height, start = order_by_cell(ix, iy, xyz[:, 2])[:2]
         keys, divisions, first = _divided(ix, iy, by_height, start)
         fine = np.empty(first[-1] + 1, dtype=np.int64)
         fine[-1] = len(xyz)

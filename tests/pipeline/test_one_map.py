@@ -73,7 +73,8 @@ def test_tiles_from_one_cell_to_the_whole_map_make_the_map_of_one_pass(
     surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
     assert surface == one_pass(points, parameters_of(stages), final=False)
     once = Report()
-    Pipeline(parameters_of(stages), "map", once).in_one_pass(points)
+    counted = Pipeline(parameters_of(stages), "map", once)
+    counted.mapped(counted.measured(points))
     assert report.dropped == once.dropped
 
 
