@@ -2,7 +2,8 @@
 
 The points of a synthetic flight, in the order in which they were seen, are cut into batches of one
 size, and each is taken into a growing map through the whole pipeline. The thesis timed the cloud
-of its own flight, some 3,100 points, on a laptop of 2005.
+of its own flight, some 3,100 points, on a laptop of 2005; batches that such a flight holds less
+than twice are cut from a longer one, whose points lie as close.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ THESIS: Mapping[int, float] = {
     200: 0.24, 240: 0.43, 280: 0.61, 320: 1.37, 360: 1.63, 400: 2.06,
 }  # fmt: skip
 
-SCENE, OUTLIERS, POINTS = "house", 0.1, 3200
+OUTLIERS, POINTS, LARGEST = 0.1, 3200, 10_000
 
 
 @dataclass(frozen=True)
@@ -79,25 +80,28 @@ def parse_sizes(text: str) -> list[int]:
     Raises
     ------
     UsageError
-        Where it is neither, or a size is below 1.
+        Where it is neither, or a size is below 1 or above `LARGEST`.
     """
     if text == "20..400":
         return list(THESIS)
+    sizes: Sequence[int]
     try:
         if ".." in text:
             ends, _, step = text.partition(":")
             least, greatest = map(int, ends.split(".."))
-            sizes = list(range(least, greatest + 1, int(step or 20)))
+            sizes = range(least, greatest + 1, int(step or 20))
         else:
             sizes = [int(part) for part in text.split(",")]
+            least, greatest = min(sizes), max(sizes)
     except ValueError:
-        sizes = []
-    if not sizes or min(sizes) < 1:
+        sizes, least, greatest = [], 0, 0
+    # The ends first: in between there may be more numbers than anyone has time for.
+    if not (least >= 1 and greatest <= LARGEST and sizes):
         raise UsageError(
             f"--sizes {text}: expected A..B, A..B:STEP or a list such as 20,52,400, of numbers "
-            "from 1 up"
+            f"from 1 to {LARGEST:,}"
         )
-    return sizes
+    return list(sizes)
 
 
 def measured(
@@ -108,10 +112,10 @@ def measured(
     """Time batches of each size, the program warm."""
     if parameters.map.cell_size == "auto":
         parameters = parameters.with_cell_size(CELL_SIZE)
-    keyframes = flown(SCENE, OUTLIERS, seed=1).keyframes
-    points = np.concatenate([keyframe.points for keyframe in keyframes])
-    points = points[: max(POINTS, 2 * max(sizes))]
-    first, later = (_times(points, sizes[0], parameters)[0] for _ in range(2))
+    points = _points(max(POINTS, 2 * max(sizes)))
+    first, later = (_until_first(points[: sizes[0]], parameters) for _ in range(2))
+    # What the first batch alone does not load, later ones may.
+    _times(points, sizes[0], parameters)
     rows = []
     for number, size in enumerate(sizes):
         if progress is not None:
@@ -121,11 +125,27 @@ def measured(
     return Pace(rows, max(0.0, first - later), _exponent(rows))
 
 
+def _points(size: int) -> Float64:
+    """Return so many points of a flight, in the order in which they were seen."""
+    scene = "house" if size <= POINTS else "village"
+    keyframes = flown(scene, OUTLIERS, seed=1).keyframes
+    return np.concatenate([keyframe.points for keyframe in keyframes])[:size]
+
+
+def _until_first(points: Float64, parameters: Parameters) -> float:
+    """Return how long it takes until the first batch is in the map."""
+    begin = time.perf_counter()
+    MapBuilder(parameters).process_cloud(points)
+    return time.perf_counter() - begin
+
+
 def _times(points: Float64, size: int, parameters: Parameters) -> list[float]:
     """Return how long each batch takes; what is left over at the end is none."""
     builder = MapBuilder(parameters)
+    # A map that is looked at is ready to grow: that is no part of the first batch.
+    _ = builder.surface
     times = []
-    for begin in range(0, max(1, len(points) - size + 1), size):
+    for begin in range(0, len(points) - size + 1, size):
         before = time.perf_counter()
         builder.process_cloud(points[begin : begin + size])
         times.append(time.perf_counter() - before)
@@ -142,9 +162,14 @@ def _exponent(rows: Sequence[Row]) -> float | None:
 # --- reports ---
 
 
-def to_dict(pace: Pace) -> dict[str, Any]:
-    """Return what was measured, ready for JSON."""
-    return asdict(pace)
+def to_dict(pace: Pace, before: Mapping[int, float] | None = None) -> dict[str, Any]:
+    """Return what was measured, ready for JSON, with earlier times beside where there are any."""
+    report = asdict(pace)
+    if before is not None:
+        for row in report["rows"]:
+            old = before.get(row["size"])
+            row |= {"before": old, "ratio": None if old is None else row["seconds"] / old}
+    return report
 
 
 def seconds_of(report: Any, name: str) -> dict[int, float]:
@@ -176,7 +201,7 @@ def to_markdown(pace: Pace, before: Mapping[int, float] | None = None) -> str:
         if row.thesis is None:
             cells += ["", ""]
         else:
-            cells += [f"{1e3 * row.thesis:.0f}", f"{row.thesis / row.seconds:.0f}"]
+            cells += [f"{1e3 * row.thesis:.0f}", f"{row.thesis / row.seconds:.3g}"]
         if before is not None:
             old = before.get(row.size)
             cells += ["", ""] if old is None else [f"{1e3 * old:.2f}", f"{row.seconds / old:.2f}"]
@@ -210,11 +235,16 @@ def picture_kind(name: str) -> str:
 def draw(pace: Pace, stream: BinaryIO, kind: str) -> None:
     """Draw the times over the sizes, the thesis's beside them, both axes logarithmic."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
     figure = Figure(figsize=(7, 5), layout="constrained")
     axes = figure.add_subplot()
     axes.loglog(list(THESIS), list(THESIS.values()), "o-", label="thesis, a laptop of 2005")
     axes.loglog([r.size for r in pace.rows], [r.seconds for r in pace.rows], "s-", label="mls")
     axes.set(xlabel="points in a batch", ylabel="average time of a batch (s)")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 4)))
+    axes.xaxis.set_minor_locator(NullLocator())
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.legend()
     figure.savefig(stream, format=kind)

@@ -132,7 +132,7 @@ def _pace(
         with atomic_write(plot, overwrite=overwrite) as stream:
             pace.draw(found, stream, kind)
     if as_json:
-        return json.dumps(pace.to_dict(found), indent=2)
+        return json.dumps(pace.to_dict(found, before), indent=2)
     return pace.to_markdown(found, before)
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mlscli.pace import parse_sizes
+from mlscli.config import load
+from mlscli.pace import measured, parse_sizes
 from tests.program import mls
 
 QUICK = ("--scenes", "planes", "--outliers", "0.1")
@@ -51,6 +52,20 @@ def test_batches_are_timed_compared_and_drawn(tmp_path: Path) -> None:
     assert [row[1].strip() for row in rows] == ["40", "50", "60"]
     assert [row[6].strip() for row in rows] == [f"{1e3 * one:.2f}", "", ""]
     assert (tmp_path / "times.png").read_bytes().startswith(b"\x89PNG")
+    compared = mls(
+        "bench", "--sizes", "40,50", "--compare", "old.json", "--json", cwd=tmp_path
+    ).stdout
+    both, other_alone = json.loads(compared)["rows"]
+    assert both["before"] == one
+    assert both["ratio"] == pytest.approx(both["seconds"] / one)
+    assert (other_alone["before"], other_alone["ratio"]) == (None, None)
+
+
+def test_batches_larger_than_a_small_flight_are_cut_from_a_longer_one() -> None:
+    pace = measured([6000, 10_000], load("plain"))
+    assert [(row.size, row.batches) for row in pace.rows] == [(6000, 3), (10_000, 2)]
+    # Batches of these sizes, and not of what was left of a flight.
+    assert pace.rows[1].seconds > 0 < pace.rows[0].seconds
 
 
 def test_the_sizes_of_the_thesis_are_those_of_its_figure() -> None:
@@ -66,6 +81,10 @@ def test_the_sizes_of_the_thesis_are_those_of_its_figure() -> None:
         (["--quality", "--plot", "times.png"], "--sizes"),
         (["--sizes", "20.."], "A..B"),
         (["--sizes", "0..40"], "A..B"),
+        (["--sizes", "0..1000000000000"], "10,000"),
+        (["--sizes", "20..1000000000000"], "10,000"),
+        (["--sizes", "20,10001"], "10,000"),
+        (["--sizes", "400..20"], "A..B"),
         (["--sizes", "40", "--plot", "times.docx"], "png"),
         (["--quality", "--scenes", "brigde"], "bridge"),
         (["--quality", "--outliers", "many"], "--outliers"),
