@@ -151,11 +151,7 @@ def _clip_flat(
         x0, x1, y0, y1 = _cells_of(corner[r], along[r], across[r], cell_size)
         for ix in range(x0, x1 + 1):
             for iy in range(y0, y1 + 1):
-                polygon[0] = corner[r]
-                polygon[1] = corner[r] + along[r]
-                polygon[2] = corner[r] + along[r] + across[r]
-                polygon[3] = corner[r] + across[r]
-                sides = 4
+                sides = _corners(corner[r], along[r], across[r], polygon)
                 for axis in range(2):
                     edge = (ix if axis == 0 else iy) * cell_size
                     sides = _cut(polygon, sides, axis, edge, 1.0, clipped)
@@ -164,8 +160,10 @@ def _clip_flat(
                 if area > 0.0:
                     where[0, found], where[1, found], where[2, found] = r, ix, iy
                     values[0, found] = area / (cell_size * cell_size)
-                    values[1, found] = polygon[:sides, 2].min()
-                    values[2, found] = polygon[:sides, 2].max()
+                    lowest = highest = polygon[0, 2]
+                    for i in range(1, sides):
+                        lowest, highest = min(lowest, polygon[i, 2]), max(highest, polygon[i, 2])
+                    values[1, found], values[2, found] = lowest, highest
                     values[3, found], values[4, found] = mean, variance
                     found += 1
     where, values = where[:, :found], values[:, :found]
@@ -190,19 +188,35 @@ def _cells_of(
 
 
 @kernel
+def _corners(corner: Float64, along: Float64, across: Float64, polygon: Float64) -> int:
+    """Note the corners of a rectangle, and return how many they are.
+
+    Coordinate by coordinate, here and in `_cut`: what adds rows takes seconds to compile.
+    """
+    for axis in range(3):
+        polygon[0, axis] = corner[axis]
+        polygon[1, axis] = corner[axis] + along[axis]
+        polygon[2, axis] = corner[axis] + along[axis] + across[axis]
+        polygon[3, axis] = corner[axis] + across[axis]
+    return 4
+
+
+@kernel
 def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, result: Float64) -> int:
     """Keep of a convex polygon what is beyond an edge, or, with sign -1, on this side of it."""
     kept = 0
     for i in range(sides):
-        here, there = polygon[i], polygon[(i + 1) % sides]
-        inside = (here[axis] - edge) * sign
-        next_inside = (there[axis] - edge) * sign
+        after = (i + 1) % sides
+        inside = (polygon[i, axis] - edge) * sign
+        next_inside = (polygon[after, axis] - edge) * sign
         if inside >= 0.0:
-            result[kept] = here
+            for k in range(3):
+                result[kept, k] = polygon[i, k]
             kept += 1
         if (inside > 0.0 and next_inside < 0.0) or (inside < 0.0 and next_inside > 0.0):
             way = inside / (inside - next_inside)
-            result[kept] = here + way * (there - here)
+            for k in range(3):
+                result[kept, k] = polygon[i, k] + way * (polygon[after, k] - polygon[i, k])
             result[kept, axis] = edge
             kept += 1
     return kept
