@@ -1,0 +1,121 @@
+"""How long all kernels take to compile: ``python -m benchmarks.compiling`` (half a minute).
+
+Commands that use every kernel run in a folder of their own, with an empty cache; what none of them
+uses is named. Printed is the time from the beginning of each compilation to its end.
+"""
+
+from __future__ import annotations
+
+import os
+import pkgutil
+import struct
+import tempfile
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import numba
+from numba.core import event
+
+SYNTH = "synth --type bridge-walls --grid 0.2 -o flight.txt"
+EVERY = ("median", "orphans", "walls", "plaster", "pyramids", "regions: {snap: true}")
+COMMANDS = (
+    *(SYNTH, f"{SYNTH} --holes 2,0.5 --overwrite", "synth --type stair --grid 0.5 -o stair.txt"),
+    "build flight.txt --cumulative -c every.yaml --set map.cell_size=0.2",
+    "build flight.txt -o sequential.npz --set mode=sequential --set map.cell_size=0.2",
+    "build flight.txt -o growing.npz --growing",
+    "build cloud.pcd -c plain --set map.cell_size=1",
+    "build faces.ply -c plain --set map.cell_size=1",
+    "compare flight.npz sequential.npz",
+    "compare flight.npz --truth flight.truth.npz",
+    "export flight.npz --format ply",
+    "export flight.npz --format obj --style patches",
+)
+
+
+class Compiled(NamedTuple):
+    """How long kernels took to compile (s), how many they are, and which were not used."""
+
+    seconds: float
+    kernels: int
+    unused: list[str]
+
+
+def compiled(clock: Callable[[], float]) -> Compiled:
+    """Run the commands in the current folder, in a process that has compiled nothing."""
+    import mlscli
+    from mlscli.cli import Run, commands
+
+    stopwatch = _Stopwatch(clock)
+    event.register("numba:compile", stopwatch)  # type: ignore[no-untyped-call, unused-ignore]
+    _write_clouds()
+    Path("every.yaml").write_text("pipeline:\n" + "".join(f"- {stage}\n" for stage in EVERY))
+    for command in COMMANDS:
+        commands.main(command.split(), standalone_mode=False, obj=Run())
+    modules = [
+        import_module(module.name)
+        for module in pkgutil.walk_packages(mlscli.__path__, "mlscli.")
+        if not module.name.endswith("__main__")
+    ]
+    kernels = {
+        f"{module.__name__}.{name}": value
+        for module in modules
+        for name, value in vars(module).items()
+        if hasattr(value, "py_func") and value.__module__ == module.__name__
+    }
+    unused = [name for name, value in kernels.items() if not value.signatures]
+    return Compiled(stopwatch.seconds, len(kernels), unused)
+
+
+class _Stopwatch(event.Listener):
+    """Adds up the time; of a kernel that compiles another, the whole counts once."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._depth, self._began = 0, 0.0
+        self.seconds = 0.0
+
+    def on_start(self, event: event.Event) -> None:  # noqa: ARG002
+        if not self._depth:
+            self._began = self._clock()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:  # noqa: ARG002
+        self._depth -= 1
+        if not self._depth:
+            self.seconds += self._clock() - self._began
+
+
+def _write_clouds() -> None:
+    """Write a compressed cloud, and one whose records have no fixed length."""
+    points = struct.pack("<9f", *range(9))
+    # Literal runs of up to 32 bytes, each after its length less one.
+    runs = [points[begin : begin + 32] for begin in (0, 32)]
+    packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
+    head = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 3\nHEIGHT 1\n"
+    head += "POINTS 3\nDATA binary_compressed\n"
+    sizes = struct.pack("<2I", len(packed), len(points))
+    Path("cloud.pcd").write_bytes(head.encode() + sizes + packed)
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n"
+    head += "".join(f"property float {name}\n" for name in "xyz")
+    head += "property list uchar uchar seen\nend_header\n"
+    rows = (points[begin : begin + 12] + b"\1\7" for begin in (0, 12, 24))
+    Path("faces.ply").write_bytes(head.encode() + b"".join(rows))
+
+
+@click.command()
+@click.option("--cpu", is_flag=True, help="Measure CPU time, not wall time.")
+def main(cpu: bool) -> None:
+    """Print how long it took, how many kernels there are, and which were not used."""
+    with tempfile.TemporaryDirectory() as folder:
+        numba.config.CACHE_DIR = str(Path(folder, "kernels"))  # type: ignore[attr-defined, unused-ignore]
+        os.chdir(folder)
+        found = compiled(time.process_time if cpu else time.perf_counter)
+    click.echo(f"{found.seconds:.2f} {found.kernels} {' '.join(found.unused)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Whole commands, each in a process of its own, and what they take besides their work."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from statistics import median
+
+from benchmarks.large import CELL, write_survey
+from benchmarks.process import Ran, ran
+from benchmarks.table import Row, Timer
+
+MLS = (sys.executable, "-m", "mlscli")
+SAMPLE = Path(__file__).resolve().parents[2] / "data/samples/bridge.txt"
+SIZES = (10**5, 10**6, 10**7)
+LARGEST = 12_000_000
+
+
+def rows(timer: Timer) -> Iterator[Row]:
+    """Yield times of commands, in turns; the peak of memory; and how long kernels compile."""
+    times, _ = _in_turns(timer, ["-c", "pass"], ["-m", "mlscli", "--help"], at_least=15)
+    what = "`mls --help`: times an empty Python"
+    yield Row(what, times[1] / times[0], "", most=6.0, short=True)
+    with tempfile.TemporaryDirectory() as folder:
+        text = Path(folder, "cloud.txt")
+        # The first two lines are a comment and the header.
+        text.write_text("".join(SAMPLE.read_text().splitlines(keepends=True)[:3002]))
+        bags = [Path(folder, f"{size}.bag") for size in (*SIZES, LARGEST)]
+        for size, bag in zip((*SIZES, LARGEST), bags, strict=True):
+            write_survey(bag, size)
+        small, *larger = [text, *bags]
+        seconds, runs = _in_turns(timer, _build(small, auto=True), *map(_build, larger))
+    what = "`mls build` of a text cloud of 3,000 points, warm"
+    yield Row(what, seconds[0], "s", most=1.5, short=True)
+    for size, spent in zip(SIZES, seconds[1:], strict=False):
+        yield Row(f"`mls build` of a bag of {size:,} points", spent, "s")
+    what = f"`mls build` of a bag of {LARGEST:,} points: times the sum of its parts"
+    to_parts = median(run.seconds / _parts(run) for run in runs[-1])
+    yield Row(what, to_parts, "", most=1.3, short=True)
+    # What the program takes by itself, it takes for a small bag, too.
+    least, most = (median(run.peak for run in runs[at]) for at in (1, -1))
+    what = "peak memory of that build, above the program itself: bytes a point"
+    yield Row(what, (most - least) / (LARGEST - SIZES[0]), "", most=100.0, short=True)
+    measured_by = ["--cpu"] if timer.cpu else []
+    output = ran([sys.executable, "-m", "benchmarks.compiling", *measured_by]).output
+    compiling, kernels, *unused = output.splitlines()[-1].split()
+    what = f"compiling all {kernels} kernels, once" + "".join(f"; not {name}" for name in unused)
+    yield Row(what, float(compiling), "s", most=15.0, short=True)
+
+
+def _parts(run: Ran) -> float:
+    """Return the sum of the times that a build accounts for: reading, stages, writing."""
+    seconds: dict[str, float] = json.loads(run.output)["seconds"]
+    return sum(seconds.values()) - seconds["total"]
+
+
+def _build(source: Path, *, auto: bool = False) -> list[str]:
+    size = [] if auto else ["--set", f"map.cell_size={CELL}"]
+    output = source.with_suffix(".npz")
+    return ["-m", "mlscli", "build", str(source), "-o", str(output), "--overwrite", "--json", *size]
+
+
+def _in_turns(
+    timer: Timer, *commands: Sequence[str], at_least: int = 1
+) -> tuple[list[float], list[list[Ran]]]:
+    """Run Python with arguments; return the medians of the times, and all runs of each."""
+    runs: list[list[Ran]] = [[] for _ in commands]
+    for turn in range(max(timer.repeats, at_least) + 1):
+        for command, each in zip(commands, runs, strict=True):
+            run = ran([sys.executable, *command])
+            if turn:
+                each.append(run)
+    times = [median(run.cpu if timer.cpu else run.seconds for run in each) for each in runs]
+    return times, runs

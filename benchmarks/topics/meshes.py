@@ -1,0 +1,64 @@
+"""Maps into meshes, and meshes into files, beside Open3D and trimesh."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+from benchmarks.meshes import plain
+from benchmarks.table import Row, Timer, Work
+from mlscli.io.obj import write_obj
+from mlscli.io.ply import write_ply
+from mlscli.mesh import Mesh, build_mesh
+
+SIDE = 700
+
+Writer = Callable[[Path], object]
+
+
+def rows(timer: Timer) -> Iterator[Row]:
+    """Yield how fast a mesh is built and written; our files are on the disk when it is done."""
+    surface = plain(SIDE)
+    mesh = build_mesh(surface)
+    (built,) = timer.rates(surface.size, partial(build_mesh, surface))
+    yield Row(f"mesh of {surface.size:,} patches", built, "M patches/s")
+    others = _others(mesh)
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, write in (("ply", write_ply), ("obj", write_obj)):
+            mine = partial(write, Path(folder, f"mls.{kind}"), mesh, overwrite=True)
+            works: list[Work] = [mine]
+            works += [
+                partial(writer, Path(folder, f"{name}.{kind}")) for name, writer in others.items()
+            ]
+            ours, *theirs = timer.rates(len(mesh.vertices), *works)
+            what = f"{kind.upper()} of {len(mesh.vertices):,} vertices"
+            for name, rate in zip(others, theirs, strict=True):
+                yield Row(what, ours, "M vertices/s", name, rate)
+
+
+def _others(mesh: Mesh) -> dict[str, Writer]:
+    """Return what else writes vertices, colours and triangles, as far as it is installed."""
+    others: dict[str, Writer] = {}
+    try:
+        import open3d
+    except ImportError:
+        pass
+    else:
+        utility = open3d.utility
+        same = open3d.geometry.TriangleMesh(
+            utility.Vector3dVector(mesh.vertices), utility.Vector3iVector(mesh.triangles)
+        )
+        same.vertex_colors = utility.Vector3dVector(mesh.colours / 255)
+        others["Open3D"] = lambda path: open3d.io.write_triangle_mesh(path, same)
+    try:
+        import trimesh
+    except ImportError:
+        pass
+    else:
+        equal = trimesh.Trimesh(
+            mesh.vertices, mesh.triangles, vertex_colors=mesh.colours, process=False
+        )
+        others["trimesh"] = lambda path: equal.export(path)
+    return others
