@@ -17,7 +17,7 @@ from mlscli.notices import notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-SECONDS = 15
+SECONDS = 20
 """About how long all kernels take to compile, on one core."""
 
 
