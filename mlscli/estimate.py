@@ -284,16 +284,18 @@ def _part(keyframes: Sequence[Keyframe], share: float) -> Sequence[Keyframe]:
 
 
 def _slab(keyframes: Sequence[Keyframe], most: int) -> Sequence[Keyframe]:
-    """Return about so many points, those around the median of x, as dense as they lie."""
+    """Return at most so many points, those around the median of x, as dense as they lie."""
     size = _size(keyframes)
     if size <= most:
         return keyframes
-    x = np.sort(np.concatenate([keyframe.points[:, 0] for keyframe in keyframes]))
-    low, high = x[(size - most) // 2], x[(size + most) // 2]
-    inside = [(low <= k.points[:, 0]) & (k.points[:, 0] <= high) for k in keyframes]
+    x = np.concatenate([keyframe.points[:, 0] for keyframe in keyframes])
+    begin = (size - most) // 2
+    inside = np.zeros(size, dtype=np.bool_)
+    inside[np.argsort(x, kind="stable")[begin : begin + most]] = True
+    ends = np.cumsum([len(keyframe.points) for keyframe in keyframes])
     return [
         Keyframe(keyframe.points[rows], keyframe.stamp, keyframe.position)
-        for keyframe, rows in zip(keyframes, inside, strict=True)
+        for keyframe, rows in zip(keyframes, np.split(inside, ends[:-1]), strict=True)
     ]
 
 

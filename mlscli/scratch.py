@@ -66,12 +66,20 @@ class Scratch:
         return Stored(self, array.dtype, offset)
 
     def read(self, dtype: np.dtype[Any], offset: int, size: int) -> Array:
-        """Return `size` values that lie `offset` bytes from the beginning."""
+        """Return `size` values that lie `offset` bytes from the beginning.
+
+        Raises
+        ------
+        OutputError
+            They lie there no more.
+        """
         values = np.empty(size, dtype)
         data = values.view(np.uint8).data
         with self._lock:
             self._file.seek(offset)
-            while data and (count := self._file.readinto(data)):
+            while data:
+                if not (count := self._file.readinto(data)):
+                    raise OutputError(f"{self._folder}: a temporary file has lost its end")
                 data = data[count:]
         return values
 

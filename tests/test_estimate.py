@@ -140,3 +140,16 @@ def test_the_vertical_is_told_as_it_was_found(shared_data: Path) -> None:
     bridge = shared_data / "multilevel/footbridge_yup_dddmr_map.pcd"
     assert estimate_build(bridge, up="y").up == "y"
     assert "from y" in estimate_build(bridge, up="auto").up
+
+
+def test_of_a_wall_across_x_no_more_is_tried_than_of_a_floor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mlscli.estimate._AT_MOST", 500)
+    rng = np.random.default_rng(1)
+    wall = rng.uniform((1, 0, 0), (1, 4, 3), (3000, 3))
+    bag = write_bag(
+        tmp_path / "a.bag", [Sent(part, k * SECOND) for k, part in enumerate((wall, wall))]
+    )
+    parameters = Parameters().with_cell_size(0.2)
+    assert not estimate_build(bag, parameters=parameters, glance=unhurried()).whole

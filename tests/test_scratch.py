@@ -42,3 +42,12 @@ def test_the_file_has_no_name(tmp_path: Path) -> None:
 def test_a_folder_that_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"none: no room for temporary files: .*--scratch"):
         Scratch(tmp_path / "none")
+
+
+def test_what_is_lost_is_not_made_up(tmp_path: Path) -> None:
+    with Scratch(tmp_path) as scratch:
+        stored = scratch.put(np.arange(100))
+        scratch._file.truncate(80)
+        assert stored[0:10].tolist() == list(range(10))
+        with pytest.raises(OutputError, match="lost its end"):
+            stored[5:15]

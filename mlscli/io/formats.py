@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -34,14 +33,15 @@ def open_source(path: Path, reading: Reading | None = None) -> Source:
     InputError
         It is missing, unreadable, broken, or of a format that cannot be read.
     """
-    for format_ in _FORMATS:
-        if format_.holds(path, _head(path)):
-            if format_.open is None:
-                raise InputError(
-                    f"{path}: is {format_.name}, which cannot be read; can be read: {READABLE}"
-                )
-            return format_.open(path, reading or Reading())
-    raise InputError(f"{path}: holds {_content(path)}; can be read: {READABLE}")
+    head = _head(path)
+    try:
+        format_ = next((each for each in _FORMATS if each.holds(path, head)), None)
+        found = f"is {format_.name}, which cannot be read" if format_ else _content(path, head)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if format_ is None or format_.open is None:
+        raise InputError(f"{path}: {found}; can be read: {READABLE}")
+    return format_.open(path, reading or Reading())
 
 
 class _Format(NamedTuple):
@@ -52,10 +52,6 @@ class _Format(NamedTuple):
 
 def _starting(*magics: bytes) -> Callable[[Path, bytes], bool]:
     return lambda _, head: head.removeprefix(b"\xef\xbb\xbf").startswith(magics)
-
-
-def _folder_with(*names: str) -> Callable[[Path, bytes], bool]:
-    return lambda path, _: any((path / name).exists() for name in names)
 
 
 def _open_messages(path: Path, reading: Reading) -> Source:
@@ -152,11 +148,10 @@ def _is_text(path: Path, head: bytes) -> bool:
 
 _FORMATS = (
     _Format("ROS 2 bag", lambda path, _: _is_ros2_folder(path), _open_messages),
-    _Format("ROS 1 bag", _starting(b"#ROSBAG V2.0"), _open_messages),
+    _Format("ROS 1 bag", _starting(b"#ROSBAG V", b"#ROSRECORD"), _open_messages),
     _Format("MCAP", _starting(b"\x89MCAP0\r\n"), _open_messages),
     _Format("SQLite", _starting(b"SQLite format 3\0"), _open_messages),
     _Format("a file of a ROS 2 bag, compressed", _starting(b"\x28\xb5\x2f\xfd"), _open_messages),
-    _Format("a bag of a ROS 1 version before 2.0", _starting(b"#ROSBAG V", b"#ROSRECORD")),
     _Format("PLY", _starting(b"ply\n", b"ply\r", b"ply "), _open_ply),
     _Format("PCD", _starting(b"# .PCD", b"VERSION 0.", b"VERSION .", b"FIELDS "), _open_pcd),
     _Format("LAS", _starting(b"LASF"), _open_las),
@@ -188,12 +183,11 @@ def _head(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def _content(path: Path) -> str:
+def _content(path: Path, head: bytes) -> str:
     """Say what a file or folder of no known format holds."""
     if path.is_dir():
-        names = sorted(os.listdir(path))  # noqa: PTH208
+        names = sorted(child.name for child in path.iterdir())
         listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
-        lacking = "no metadata.yaml, .db3 or .mcap, which make a folder a ROS 2 bag"
-        return f"{listed or 'nothing'}, and {lacking}"
-    head = _head(path)
-    return "binary data of no known format" if head.strip() else "nothing"
+        lacking = "is no ROS 2 bag, COLMAP model or OpenSfM reconstruction"
+        return f"holds {listed}, and {lacking}" if names else "is an empty folder"
+    return f"holds {'binary data of no known format' if head.strip() else 'nothing'}"

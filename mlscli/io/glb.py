@@ -34,8 +34,8 @@ _VERTICES, _INDICES = 34962, 34963
 _MODES = {"triangles": 4, "lines": 1, "points": 0}
 
 # From the map's axes to the format's: (x, y, z) becomes (x, z, -y).
-_HALF_TURN = 0.5**0.5
-_Y_UP = (-_HALF_TURN, 0.0, 0.0, _HALF_TURN)
+_SIN_45 = 0.5**0.5
+_Y_UP = (-_SIN_45, 0.0, 0.0, _SIN_45)
 
 
 class _Piece(NamedTuple):

@@ -52,7 +52,7 @@ def test_what_cannot_be_read_is_refused_by_name(shared_data: Path, name: str, wo
         (b"LASF" + bytes(300), "header"),
         (b"# Image list with two lines of data per image:\n", "COLMAP"),
         (b'[{"shots": {}, "points": {}}]', "holds no points"),
-        (b"#ROSBAG V1.2\n", "before 2.0"),
+        (b"#ROSBAG V1.2\n", "expected '#ROSBAG V2.0'; the tools of ROS 1 convert older bags"),
         (b"#ROSBAG V2.0\n", "holds no clouds"),
         (b"\x89MCAP0\r\n", "holds no clouds"),
         (b"SQLite format 3\x00" + bytes(100), "pages have 0 bytes"),
@@ -89,6 +89,27 @@ def test_a_file_is_told_by_what_it_holds(
         (tmp_path / other).write_bytes((shared_data / name).read_bytes())
         recording = open_recording(tmp_path / other)
         assert sum(len(keyframe.points) for keyframe in recording.keyframes()) == points
+
+
+def test_a_folder_of_nothing_that_is_known_says_what_lies_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is an empty folder; can be read: "):
+        open_recording(tmp_path)
+    for name in ("b.ply", "a.txt"):
+        (tmp_path / name).write_text("1 2 3\n")
+    held = r"holds a\.txt, b\.ply, and is no ROS 2 bag, COLMAP model or OpenSfM reconstruction"
+    with pytest.raises(InputError, match=held):
+        open_recording(tmp_path)
+
+
+def test_a_folder_that_may_not_be_looked_into_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(folder: Path) -> None:
+        raise PermissionError(13, "Permission denied", str(folder))
+
+    monkeypatch.setattr(Path, "iterdir", refused)
+    with pytest.raises(InputError, match=rf"{tmp_path}: cannot be read: Permission denied"):
+        open_recording(tmp_path)
 
 
 def test_what_is_not_there_or_no_file_is_refused(tmp_path: Path) -> None:

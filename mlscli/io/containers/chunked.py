@@ -10,6 +10,7 @@ file cuts is read as far as it goes.
 from __future__ import annotations
 
 import re
+import zlib
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -196,7 +197,7 @@ class ChunkedFile(ABC):
         if len(data) < chunk.data_size:
             raise DamagedError("the file has become shorter")
         content = decompress(data, chunk.compression, chunk.size)
-        if chunk.crc and _crc32(content) != chunk.crc:
+        if chunk.crc and zlib.crc32(content) != chunk.crc:
             raise DamagedError("its checksum is wrong")
         return content
 
@@ -272,9 +273,3 @@ def find(file: BinaryIO, pattern: re.Pattern[bytes], start: int, stop: int) -> I
             if match.start() < _WINDOW:
                 yield at + match.start()
         at += _WINDOW
-
-
-def _crc32(data: bytes) -> int:
-    import zlib
-
-    return zlib.crc32(data)
