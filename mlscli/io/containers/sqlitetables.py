@@ -9,6 +9,7 @@ from __future__ import annotations
 import sqlite3
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -31,7 +32,7 @@ class MessageRows(NamedTuple):
 
     @classmethod
     def of(cls, blocks: Iterable[Sequence[tuple[int, int, int]]]) -> MessageRows:
-        """Gather rows, topics and times."""
+        """Gather rows, topics and times; of 24 bytes each, once a block of them is full."""
         tables = [np.array(block, dtype=np.int64).reshape(-1, 3) for block in blocks]
         rows, topics, times = np.concatenate([np.empty((0, 3), dtype=np.int64), *tables]).T
         return cls(rows, topics, times)
@@ -165,7 +166,8 @@ class Salvage:
     def messages(self) -> MessageRows:
         """Return where the messages are, in the order of recording."""
         numbers = array("q")
-        found = MessageRows.of([list(self._messages(numbers))])
+        messages = self._messages(numbers)
+        found = MessageRows.of(iter(lambda: list(islice(messages, _BLOCK)), []))
         _, order = np.unique(np.frombuffer(numbers, dtype=np.int64), return_index=True)
         # They are numbered from 1.
         self.missing = max(numbers, default=0) - len(order)
