@@ -29,12 +29,21 @@ from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.pipeline.point_grid import PointGrid, columns_around, gather
 from mlscli.pipeline.stage import Evaluated, Fault, PointStage
 from mlscli.threads import in_ranges
-from mlscli.typing import Bool, Float64, Int64
+from mlscli.typing import Array, Bool, Float64, Int64
 
-# How much farther than the last point's neighbours the next one's are sought at first.
-_FARTHER = 1.2
+# So many points of a fine column, one above the other, look for neighbours together.
+_TOGETHER = 16
+# How much farther than the neighbours of the last points those of the next are sought at first,
+# and how much farther then, where these are too few.
+_FARTHER, _FURTHER = 1.4, 1.5
 # The least part of the radius in which they are sought.
 _NEAREST = 64
+# Of points at the same distance no trial finds just so many.
+_TRIALS = 12
+# So few heights are sorted faster without a branch.
+_FEW = 32
+# A buffer has rows for x, y and z of the points around, and for two more; at first so long.
+_SQUARED, _HEIGHT, _ROWS, _ROOM = 3, 4, 5, 256
 _ALL = np.empty(0, dtype=np.bool_)
 
 
@@ -110,33 +119,71 @@ def _filter(
 
     Where `asked` is empty, all are asked for, and only their heights are noted.
     """
-    squared, heights = np.empty(64), np.empty(64)
+    xyz, order, fine = grid.xyz, grid.order, grid.fine
+    near = np.empty((_ROWS, _ROOM))
     nine = np.empty(9, dtype=np.int64)
     for column in range(begin, end):
         around = nine[: columns_around(grid, column, nine)]
         reached = grid.side / grid.divisions[column]
-        # Ascending, for the next point mostly lies on the same surface as the last.
-        for i in grid.rising[grid.start[column] : grid.start[column + 1]]:
-            point, z = grid.order[i], grid.xyz[i, 2]
-            if len(asked) and not asked[point]:
-                continue
-            median, farthest = np.nan, 0.0
-            for again in (False, True):
-                squared, heights, n, reached, far = _neighbours(
-                    grid, around, i, z, radius, max_nb, reached, squared, heights
+        for number in range(grid.first[column], grid.first[column + 1]):
+            for first in range(fine[number], fine[number + 1], _TOGETHER):
+                last = min(first + _TOGETHER, fine[number + 1])
+                if not _any_asked(asked, order, first, last):
+                    continue
+                low, high = xyz[first, 2], xyz[last - 1, 2]
+                # Where points coincide, the last ones told nothing.
+                distance = min(max(_FARTHER * reached, radius / _NEAREST), radius)
+                if max_nb == 0:
+                    distance = radius
+                near, size, own, cut = gather(
+                    grid, around, (first, last), (low, high), distance, near
                 )
-                farthest = max(farthest, far)
-                if n < min_nb and not again:
-                    break
-                heights[n], squared[n] = z, 0.0
-                median = _nth(heights, squared, n + 1, (n + 1) // 2)
-                # Far from its surface a point sees the near side of it only: look from there.
-                if not 0 < recentre < abs(median - z):
-                    break
-                z = median
-            height[point] = median
-            if len(asked):
-                looked[point] = farthest
+                reaches, several = 0.0, 0
+                for i in range(first, last):
+                    point, z = order[i], xyz[i, 2]
+                    if len(asked) and not asked[point]:
+                        continue
+                    median, farthest = np.nan, 0.0
+                    for again in (False, True):
+                        if cut and not low <= z <= high:
+                            alone = np.empty((_ROWS, _ROOM))
+                            alone, m, self, _ = gather(
+                                grid, around, (i, i + 1), (z, z), distance, alone
+                            )
+                        else:
+                            alone, m, self = near, size, own + i - first
+                        alone, n, limit = _neighbours(
+                            grid, around, i, z, radius, max_nb, distance, alone, m, self
+                        )
+                        farthest = max(farthest, limit)
+                        if 0 < max_nb == n:
+                            reaches += np.sqrt(limit)
+                            several += 1
+                        if n < min_nb and not again:
+                            break
+                        alone[_HEIGHT, n] = z
+                        median = _middle(alone[_HEIGHT], alone[_SQUARED], n + 1)
+                        # Far from its surface a point sees the near side of it only: look from
+                        # there.
+                        if not 0 < recentre < abs(median - z):
+                            break
+                        z = median
+                    height[point] = median
+                    if len(asked):
+                        looked[point] = farthest
+                if several:
+                    reached = reaches / several
+
+
+@kernel
+def _any_asked(asked: Bool, order: Array, first: int, last: int) -> bool:
+    """Tell whether any of some successive points is asked for."""
+    if not len(asked):
+        return True
+    some = False
+    for i in range(first, last):
+        some |= asked[order[i]]
+    return some
 
 
 @kernel
@@ -147,31 +194,98 @@ def _neighbours(
     z: float,
     radius: float,
     max_nb: int,
-    reached: float,
-    squared: Float64,
-    heights: Float64,
-) -> tuple[Float64, Float64, int, float, float]:
-    """Collect the neighbours that count of point i, if it were at height z, and where they end.
+    distance: float,
+    near: Float64,
+    size: int,
+    own: int,
+) -> tuple[Float64, int, float]:
+    """Find the neighbours that count of point i, if it were at height z: their heights.
 
-    The square of where they end is that of the radius where others would count, too.
-
-    Where more lie within the radius than count, the search stops as soon as the nearest are
-    certain; how far it had to go is told, to be where the next one begins.
+    Given are all points within a distance, and others. Where more lie within the radius than
+    count, the nearest are certain as soon as so many are within the distance; until then it grows.
+    Returned are the buffer with the heights, how many they are, and the square of how far off a
+    point can be to be one of them.
     """
-    # Where points coincide, the last ones told nothing.
-    distance = max(_FARTHER * reached, radius / _NEAREST) if max_nb > 0 else np.inf
     while True:
+        _measure(near, size, grid.xyz[i, 0], grid.xyz[i, 1], z)
+        near[_SQUARED, own] = np.inf
         whole = distance >= radius
         limit = radius * radius if whole else min(distance * distance, radius * radius)
-        squared, heights, n = gather(
-            grid, around, i, z, min(distance, radius), limit, squared, heights
-        )
-        if 0 < max_nb <= n:
-            farthest = _nth(squared, heights, n, max_nb - 1)
-            return squared, heights, max_nb, np.sqrt(farthest), farthest
-        if whole:
-            return squared, heights, n, reached, radius * radius
-        distance *= 1.5
+        n, limit = _nearest(near, size, limit, max_nb)
+        if whole or 0 < max_nb <= n:
+            return near, n, limit
+        distance *= _FURTHER
+        near = np.empty((_ROWS, _ROOM))
+        near, size, own, _ = gather(grid, around, (i, i + 1), (z, z), min(distance, radius), near)
+
+
+@kernel
+def _measure(near: Float64, size: int, x: float, y: float, z: float) -> None:
+    """Note squared distances from (x, y, z)."""
+    xs, ys, zs, squared = near[0], near[1], near[2], near[_SQUARED]
+    for j in range(size):
+        dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z
+        squared[j] = (dx * dx + dy * dy) + dz * dz
+
+
+@kernel
+def _nearest(near: Float64, size: int, limit: float, max_nb: int) -> tuple[int, float]:
+    """Note the heights of the points whose squared distance is at most a limit.
+
+    Of more than `max_nb` those of the nearest come first. Returned are how many count, and the
+    squared distance within which they are.
+    """
+    zs, squared, heights = near[2], near[_SQUARED], near[_HEIGHT]
+    below, above = 0, _within(squared, size, limit)
+    if 0 < max_nb < above:
+        # The limit within which there are just so many is sought between two others.
+        less = 0.0
+        for _ in range(_TRIALS):
+            between = less + (limit - less) * ((max_nb - below) / (above - below))
+            n = _within(squared, size, between)
+            if n >= max_nb:
+                limit, above = between, n
+            else:
+                less, below = between, n
+            if n == max_nb:
+                break
+    n = 0
+    for j in range(size):
+        # Noted first and counted then.
+        heights[n] = zs[j]
+        n += squared[j] <= limit
+    if 0 < max_nb < n:
+        # Some are as far as each other.
+        n = 0
+        for j in range(size):
+            squared[n] = squared[j]
+            n += squared[n] <= limit
+        limit = _nth(squared, heights, n, max_nb - 1)
+        n = max_nb
+    return n, limit
+
+
+@kernel
+def _within(squared: Float64, size: int, limit: float) -> int:
+    """Count the points whose squared distance is at most a limit."""
+    n = 0
+    for j in range(size):
+        n += squared[j] <= limit
+    return n
+
+
+@kernel
+def _middle(heights: Float64, others: Float64, n: int) -> float:
+    """Return the element at index ``n // 2`` of the first n heights, if they were sorted."""
+    if n > _FEW:
+        return _nth(heights, others, n, n // 2)
+    for place in range(n // 2 + 1):
+        least = heights[place]
+        for j in range(place + 1, n):
+            height = heights[j]
+            heights[j], least = max(height, least), min(height, least)
+        heights[place] = least
+    return float(heights[n // 2])
 
 
 @kernel

@@ -18,8 +18,8 @@ from mlscli.threads import in_ranges
 from mlscli.typing import Array, Float64, Int32, Int64, UInt64
 
 _IN_EACH = 5
-# A fine column with more points than these is entered where heights begin to be near.
-_SHORT = 8
+# Of a fine column with more points than these, only those of near heights are taken.
+_SHORT = 16
 
 
 class PointGrid(NamedTuple):
@@ -41,8 +41,6 @@ class PointGrid(NamedTuple):
         Where the points of each fine column begin.
     order : uint32 (N,)
         The number of the point that comes at each place.
-    rising : uint32 (N,)
-        The places of each column's points, ascending by height.
     xyz : float64 (N, 3)
         The points in this order.
     """
@@ -54,7 +52,6 @@ class PointGrid(NamedTuple):
     first: Int64
     fine: Int64
     order: Array
-    rising: Array
     xyz: Float64
 
     @classmethod
@@ -69,8 +66,12 @@ class PointGrid(NamedTuple):
         fine = np.empty(first[-1] + 1, dtype=np.int64)
         fine[-1] = len(xyz)
         order, ordered = np.empty_like(by_height), np.empty_like(xyz)
-        grid = cls(side, keys, start, divisions, first, fine, order, by_height, ordered)
-        in_ranges(len(xyz), lambda begin, end: _divide(grid, *grid.columns(begin, end), xyz))
+        grid = cls(side, keys, start, divisions, first, fine, order, ordered)
+
+        def divide(begin: int, end: int) -> None:
+            _divide(grid, *grid.columns(begin, end), by_height, xyz)
+
+        in_ranges(len(xyz), divide)
         return grid
 
     def columns(self, begin: int, end: int) -> tuple[int, int]:
@@ -118,15 +119,12 @@ def part(offset: float, side: float, divisions: int) -> int:
 
 
 @kernel
-def _divide(grid: PointGrid, begin: int, end: int, xyz: Float64) -> None:
-    """Put the points of some columns, which ascend by height, into fine columns.
-
-    In `rising`, the numbers of points give way to their places.
-    """
+def _divide(grid: PointGrid, begin: int, end: int, by_height: Array, xyz: Float64) -> None:
+    """Put the points of some columns, which ascend by height, into fine columns."""
     for column in range(begin, end):
         x, y = corner(grid.keys[column], grid.side)
         divisions, first = grid.divisions[column], grid.first[column]
-        points = grid.rising[grid.start[column] : grid.start[column + 1]]
+        points = by_height[grid.start[column] : grid.start[column + 1]]
         place = np.zeros(divisions * divisions + 1, dtype=np.int64)
         inside = np.empty(len(points), dtype=np.int64)
         for i, point in enumerate(points):
@@ -142,8 +140,8 @@ def _divide(grid: PointGrid, begin: int, end: int, xyz: Float64) -> None:
             there = place[inside[i]]
             place[inside[i]] = there + 1
             grid.order[there] = point
-            grid.xyz[there] = xyz[point]
-            points[i] = there
+            for axis in range(3):
+                grid.xyz[there, axis] = xyz[point, axis]
 
 
 @kernel
@@ -165,57 +163,82 @@ def columns_around(grid: PointGrid, column: int, around: Int64) -> int:
 def gather(
     grid: PointGrid,
     around: Int64,
-    i: int,
-    z: float,
+    points: tuple[int, int],
+    heights: tuple[float, float],
     distance: float,
-    limit: float,
-    squared: Float64,
-    heights: Float64,
-) -> tuple[Float64, Float64, int]:
-    """Collect the points near point i, if it were at height z: squared distances and heights.
+    near: Float64,
+) -> tuple[Float64, int, int, bool]:
+    """Collect all points within a distance of some points of one fine column, and some others.
 
-    Near are those whose squared distance is at most `limit`, which is that of `distance`. The
-    buffers are returned, for they may have grown; there is room for one more.
+    Parameters
+    ----------
+    around : int64
+        The columns that touch that of the points, and this one.
+    points : (begin, end)
+    heights : (low, high)
+        Between which the points are taken to be.
+    distance : float
+    near : float64 (R, M)
+        A buffer with a row for each of x, y and z, and rows for others.
+
+    Returns
+    -------
+    near : float64 (R, M)
+        The buffer, which may have grown, with room for one more.
+    size : int
+        How many were found.
+    own : int
+        Where the points themselves are among them; they follow each other.
+    cut : bool
+        Whether some were left out for their heights.
     """
     # Taken out once: a field of a tuple costs more than an element of an array.
     xyz, fine, keys, side = grid.xyz, grid.fine, grid.keys, grid.side
     firsts, all_divisions = grid.first, grid.divisions
-    x, y = xyz[i, 0], xyz[i, 1]
+    west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(points[0], points[1]):
+        west, east = min(west, xyz[i, 0]), max(east, xyz[i, 0])
+        south, north = min(south, xyz[i, 1]), max(north, xyz[i, 1])
     # The margin outweighs the rounding of corners and offsets.
     far = distance + 1e-6 * side
-    n = 0
+    west, south, east, north = west - far, south - far, east + far, north + far
+    size, own, cut = 0, -1, False
     for column in around:
-        corner_x, corner_y = corner(keys[column], side)
-        left, right = x - far - corner_x, x + far - corner_x
-        lower, upper = y - far - corner_y, y + far - corner_y
-        if left > side or right < 0 or lower > side or upper < 0:
+        left, lower = corner(keys[column], side)
+        if west > left + side or east < left or south > lower + side or north < lower:
             continue
         divisions = all_divisions[column]
-        leftmost = rightmost = lowest = highest = 0
-        if divisions > 1:
-            leftmost, rightmost = part(left, side, divisions), part(right, side, divisions)
-            lowest, highest = part(lower, side, divisions), part(upper, side, divisions)
+        lowest, highest = part(south - lower, side, divisions), part(north - lower, side, divisions)
+        leftmost, rightmost = part(west - left, side, divisions), part(east - left, side, divisions)
         for ix in range(leftmost, rightmost + 1):
             row = firsts[column] + ix * divisions
             for number in range(row + lowest, row + highest + 1):
                 begin, end = fine[number], fine[number + 1]
                 if end - begin > _SHORT:
-                    begin = _lowest_near(xyz, begin, end, z - far)
-                while n + end - begin >= len(squared):
-                    squared, heights = _doubled(squared), _doubled(heights)
+                    begin = _first_from(xyz, begin, end, heights[0] - far)
+                    end = _first_from(xyz, begin, end, heights[1] + far)
+                    cut |= end - begin < fine[number + 1] - fine[number]
+                if size + end - begin >= near.shape[1]:
+                    near = _wider(near, 2 * (size + end - begin))
                 for j in range(begin, end):
-                    dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
-                    if dz > far:
-                        break
-                    apart = (dx * dx + dy * dy) + dz * dz
                     # Noted first and counted then, which spares a branch that nobody can foresee.
-                    squared[n], heights[n] = apart, xyz[j, 2]
-                    n += (apart <= limit) & (j != i)
-    return squared, heights, n
+                    x, y = xyz[j, 0], xyz[j, 1]
+                    near[0, size], near[1, size], near[2, size] = x, y, xyz[j, 2]
+                    if j == points[0]:
+                        own = size
+                    size += (west <= x) & (x <= east) & (south <= y) & (y <= north)
+    return near, size, own, cut
 
 
 @kernel
-def _lowest_near(xyz: Float64, begin: int, end: int, z: float) -> int:
+def _wider(buffer: Float64, size: int) -> Float64:
+    wider = np.empty((buffer.shape[0], size))
+    wider[:, : buffer.shape[1]] = buffer
+    return wider
+
+
+@kernel
+def _first_from(xyz: Float64, begin: int, end: int, z: float) -> int:
     """Return the first of some points, which ascend by height, that is not below z."""
     while begin < end:
         middle = (begin + end) // 2
@@ -224,10 +247,3 @@ def _lowest_near(xyz: Float64, begin: int, end: int, z: float) -> int:
         else:
             end = middle
     return begin
-
-
-@kernel
-def _doubled(buffer: Float64) -> Float64:
-    larger = np.empty(2 * len(buffer))
-    larger[: len(buffer)] = buffer
-    return larger
