@@ -12,9 +12,9 @@ from mlscli.kernels import kernel
 from mlscli.keyframes import Points
 from mlscli.patches import upright
 from mlscli.pipeline.ordering import cells_of, order_by_cell
-from mlscli.surface_map import SurfaceMap
+from mlscli.surface_map import MEASURED, SurfaceMap, new_columns
 from mlscli.threads import LIGHT, in_ranges
-from mlscli.typing import Float64, Int32, Int64, UInt32
+from mlscli.typing import Array, Float64, Int32, Int64, UInt32
 
 
 def group(points: Points, cell_size: float, gap_size: float, thickness: float) -> SurfaceMap:
@@ -29,61 +29,52 @@ def group(points: Points, cell_size: float, gap_size: float, thickness: float) -
     """
     ix, iy = cells_of(points.xyz, cell_size)
     order, cells, z = order_by_cell(ix, iy, points.xyz[:, 2])
-    start = split_by_gaps(cells, z, gap_size)
-    keyframe = points.keyframe[order]
-    groups = len(start) - 1
-    top, bottom, mean, variance = np.empty((4, groups))
-    count = np.empty(groups, dtype=np.uint32)
-    first, last = np.empty((2, groups), dtype=np.int32)
+
+    def split(begin: int, end: int) -> tuple[Int64, Int64]:
+        starts: tuple[Int64, Int64] = split_by_gaps(begin, end, cells.start, z, gap_size)
+        return starts
+
+    starts, of_cells = zip(*in_ranges(len(cells.ix), split, weight=LIGHT), strict=True)
+    start, of_cell = np.concatenate((*starts, [points.size])), np.concatenate(of_cells)
+    new = new_columns(len(start) - 1)
 
     def summarise_groups(begin: int, end: int) -> None:
+        part = {name: column[begin:end] for name, column in new.items()}
         summarise(
-            start, begin, end, z, keyframe,
-            top, bottom, mean, variance, count, first, last,
+            start[begin : end + 1], order, z, points.keyframe,
+            part["top"], part["bottom"], part["mean"], part["variance"],
+            part["count"], part["first_keyframe"], part["last_keyframe"],
         )  # fmt: skip
+        part["ix"][:], part["iy"][:] = (axis[of_cell[begin:end]] for axis in cells[:2])
+        part["height"][:], part["depth"][:] = upright(
+            part["top"], part["bottom"], part["mean"], part["variance"], thickness
+        )
+        part["origin"][:], part["region"][:] = MEASURED, -1
 
-    in_ranges(groups, summarise_groups, weight=LIGHT)
-    height, depth = upright(top, bottom, mean, variance, thickness)
-    one_of_each = order[start[:-1]]
-    return SurfaceMap(
-        cell_size,
-        gap_size,
-        thickness,
-        ix=ix[one_of_each],
-        iy=iy[one_of_each],
-        height=height,
-        depth=depth,
-        top=top,
-        bottom=bottom,
-        mean=mean,
-        variance=variance,
-        count=count,
-        origin=np.zeros(groups, dtype=np.uint8),
-        region=np.full(groups, -1, dtype=np.int32),
-        first_keyframe=first,
-        last_keyframe=last,
-    )
+    in_ranges(len(start) - 1, summarise_groups, weight=LIGHT)
+    return SurfaceMap(cell_size, gap_size, thickness, **new)
 
 
 @kernel
-def split_by_gaps(cells: Int64, z: Float64, gap_size: float) -> Int64:
-    """Return where groups begin, and the end of the last: at a new cell or after a gap."""
-    start = np.empty(len(z) + 1, dtype=np.int64)
+def split_by_gaps(
+    begin: int, end: int, cells: Int64, z: Float64, gap_size: float
+) -> tuple[Int64, Int64]:
+    """Return where the groups of some cells begin, at a new cell or after a gap, and the cells."""
+    most = cells[end] - cells[begin]
+    start, of_cell = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     groups = 0
-    for cell in range(len(cells) - 1):
+    for cell in range(begin, end):
         for i in range(cells[cell], cells[cell + 1]):
             if i == cells[cell] or z[i] - z[i - 1] > gap_size:
-                start[groups] = i
+                start[groups], of_cell[groups] = i, cell
                 groups += 1
-    start[groups] = len(z)
-    return start[: groups + 1]
+    return start[:groups].copy(), of_cell[:groups].copy()
 
 
 @kernel
 def summarise(
     start: Int64,
-    begin: int,
-    end: int,
+    order: Array,
     z: Float64,
     keyframe: Int32,
     top: Float64,
@@ -94,15 +85,15 @@ def summarise(
     first: Int32,
     last: Int32,
 ) -> None:
-    """Note what groups `begin` to `end` are like."""
-    for g in range(begin, end):
+    """Note what groups are like."""
+    for g in range(len(start) - 1):
         lowest, highest, size = z[start[g]], z[start[g + 1] - 1], start[g + 1] - start[g]
-        earliest = latest = keyframe[start[g]]
+        earliest = latest = keyframe[order[start[g]]]
         above = 0.0
         for i in range(start[g], start[g + 1]):
             above += z[i] - lowest
-            earliest = min(earliest, keyframe[i])
-            latest = max(latest, keyframe[i])
+            earliest = min(earliest, keyframe[order[i]])
+            latest = max(latest, keyframe[order[i]])
         average = min(highest, lowest + above / size)
         squares = 0.0
         for i in range(start[g], start[g + 1]):

@@ -15,7 +15,7 @@ from mlscli.cells import pack
 from mlscli.kernels import kernel
 from mlscli.pipeline.ordering import cells_of, order_by_cell
 from mlscli.threads import in_ranges
-from mlscli.typing import Array, Float64, Int32, Int64, UInt64
+from mlscli.typing import Array, Float64, Int64, UInt64
 
 _IN_EACH = 5
 # Of a fine column with more points than these, only those of near heights are taken.
@@ -61,12 +61,12 @@ class PointGrid(NamedTuple):
         # The margin outweighs the rounding of quotients, whose size the second term bounds.
         side = max(1.001 * radius, farthest * 2.0**-30)
         ix, iy = cells_of(xyz, side)
-        by_height, start = order_by_cell(ix, iy, xyz[:, 2])[:2]
-        keys, divisions, first = _divided(ix, iy, by_height, start)
+        by_height, (ix, iy, start) = order_by_cell(ix, iy, xyz[:, 2])[:2]
+        divisions, first = _divided(start)
         fine = np.empty(first[-1] + 1, dtype=np.int64)
         fine[-1] = len(xyz)
         order, ordered = np.empty_like(by_height), np.empty_like(xyz)
-        grid = cls(side, keys, start, divisions, first, fine, order, ordered)
+        grid = cls(side, pack(ix, iy), start, divisions, first, fine, order, ordered)
 
         def divide(begin: int, end: int) -> None:
             _divide(grid, *grid.columns(begin, end), by_height, xyz)
@@ -92,16 +92,14 @@ def _farthest(xyz: Float64) -> float:
 
 
 @kernel
-def _divided(ix: Int32, iy: Int32, order: Array, start: Int64) -> tuple[UInt64, Int64, Int64]:
-    """Return the keys of columns, into how many parts each is divided, and the first of these."""
-    one_of_each = order[start[:-1]]
-    keys = pack(ix[one_of_each], iy[one_of_each])
-    divisions, first = np.empty(len(keys), dtype=np.int64), np.zeros_like(start)
+def _divided(start: Int64) -> tuple[Int64, Int64]:
+    """Return into how many parts each column is divided, and the number of the first of them."""
+    divisions, first = np.empty(len(start) - 1, dtype=np.int64), np.zeros_like(start)
     for column in range(len(divisions)):
         points = start[column + 1] - start[column]
         divisions[column] = max(1, int(np.sqrt(points / _IN_EACH)))
         first[column + 1] = first[column] + divisions[column] ** 2
-    return keys, divisions, first
+    return divisions, first
 
 
 @kernel
@@ -233,7 +231,9 @@ def gather(
 @kernel
 def _wider(buffer: Float64, size: int) -> Float64:
     wider = np.empty((buffer.shape[0], size))
-    wider[:, : buffer.shape[1]] = buffer
+    for row in range(buffer.shape[0]):
+        for j in range(buffer.shape[1]):
+            wider[row, j] = buffer[row, j]
     return wider
 
 

@@ -24,7 +24,10 @@ def ordered(ix: Array, iy: Array, z: Float64) -> None:
     assert result.z.tolist() == z[order].tolist()
     cells = [row[:2] for row in rows]
     begins = [i for i in range(len(rows)) if i == 0 or cells[i] != cells[i - 1]]
-    assert result.start.tolist() == [*begins, len(rows)]
+    assert result.cells.start.tolist() == [*begins, len(rows)]
+    assert list(zip(*(axis.tolist() for axis in result.cells[:2]), strict=True)) == [
+        cells[i] for i in begins
+    ]
 
 
 @pytest.mark.parametrize("size", [1, 2, 100, 20_000])
@@ -40,7 +43,7 @@ def test_points_come_by_cell_and_by_height(size: int, wide: int) -> None:
 def test_no_point_has_an_order_too() -> None:
     none = np.empty(0, dtype=np.int32)
     result = order_by_cell(none, none, np.empty(0))
-    assert (len(result.order), result.start.tolist(), len(result.z)) == (0, [0], 0)
+    assert (len(result.order), result.cells.start.tolist(), len(result.z)) == (0, [0], 0)
 
 
 def test_the_whole_grid_is_ordered() -> None:
