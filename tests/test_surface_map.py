@@ -30,6 +30,25 @@ def a_map() -> SurfaceMap:
     )
 
 
+def test_the_union_of_two_maps_is_sorted_and_of_equals_those_of_the_first_come_first() -> None:
+    rng = np.random.default_rng(3)
+    shared = 0
+    for _ in range(100):
+        one, other = random_map(rng), random_map(rng)
+        # Part of the other map is the one's, told from it by its region, which is no key.
+        again = one.take(rng.random(one.size) < 0.5)
+        again = replace(again, region=np.full(again.size, 9, dtype=np.int32))
+        shared += again.size
+        other = other.union(again)
+        both = one.union(other)
+        rows = [
+            tuple(row) for part in (one, other) for row in zip(*part.keys, part.region, strict=True)
+        ]
+        expected = sorted(rows, key=lambda row: row[:-1])
+        assert [tuple(row) for row in zip(*both.keys, both.region, strict=True)] == expected
+    assert shared > 100
+
+
 @given(CELLS)
 def test_packed_keys_sort_as_cells_and_unpack_to_them(cells: list[tuple[int, int]]) -> None:
     ix, iy = np.array(cells, dtype=np.int32).reshape(-1, 2).T

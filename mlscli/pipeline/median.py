@@ -10,9 +10,10 @@ An outlier has its neighbours on one side, on the near half of a noisy surface, 
 or below it. With `recentre`, a point whose height moves by more than that takes the median once
 more, of its new height and of the neighbours that it has there.
 
-Where only the nearest count, the search begins a little farther than the nearest of the point
+Points that lie close together look for neighbours together: all that may count is collected once.
+Where only the nearest count, the search begins a little farther than the nearest of the points
 before reached, and goes farther until it has found enough: in a dense cloud, too, each point is
-compared with few others, in the order of memory.
+compared with few others.
 """
 
 from __future__ import annotations

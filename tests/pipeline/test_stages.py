@@ -29,6 +29,7 @@ from tests.maps import (
     GAP,
     Patch,
     map_of,
+    ordered,
     patches_of,
     random_map,
     rough_floor,
@@ -112,6 +113,22 @@ def test_a_stage_agrees_with_its_rule_read_plainly(draw: Draw) -> None:
         assert after == reference(before)
         changed += after != before
     assert changed > MAPS / 10
+
+
+@every_stage
+def test_neither_threads_nor_a_stray_patch_change_anything(
+    draw: Draw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(5)
+    # Every cell is a range of its own.
+    monkeypatch.setattr("mlscli.threads.WORTHWHILE", 1e-9)
+    monkeypatch.setattr("mlscli.threads.processors", lambda: 3)
+    for _ in range(MAPS // 6):
+        patches = patches_of(map_for(draw, rng))
+        # Rows and columns by the thousand million, few of which hold anything.
+        patches = ordered([*patches, Patch(-(2**31), 2**31 - 1, 0.0, 0.0, 0, 1)])
+        stage, reference = draw(rng)
+        assert patches_of(stage.apply(map_of(patches))) == reference(patches)
 
 
 @every_stage
