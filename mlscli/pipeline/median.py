@@ -120,7 +120,7 @@ def _filter(
 
     Where `asked` is empty, all are asked for, and only their heights are noted.
     """
-    xyz, order, fine = grid.xyz, grid.order, grid.fine
+    fine = grid.fine
     near = np.empty((_ROWS, _ROOM))
     nine = np.empty(9, dtype=np.int64)
     for column in range(begin, end):
@@ -129,51 +129,72 @@ def _filter(
         for number in range(grid.first[column], grid.first[column + 1]):
             for first in range(fine[number], fine[number + 1], _TOGETHER):
                 last = min(first + _TOGETHER, fine[number + 1])
-                if not _any_asked(asked, order, first, last):
-                    continue
-                low, high = xyz[first, 2], xyz[last - 1, 2]
-                # Where points coincide, the last ones told nothing.
-                distance = min(max(_FARTHER * reached, radius / _NEAREST), radius)
-                if max_nb == 0:
-                    distance = radius
-                near, size, own, cut = gather(
-                    grid, around, (first, last), (low, high), distance, near
+                if _any_asked(asked, grid.order, first, last):
+                    near, reached = _filter_together(
+                        grid, around, first, last, radius, max_nb, min_nb, recentre,
+                        reached, near, asked, height, looked,
+                    )  # fmt: skip
+
+
+@kernel
+def _filter_together(
+    grid: PointGrid,
+    around: Int64,
+    first: int,
+    last: int,
+    radius: float,
+    max_nb: int,
+    min_nb: int,
+    recentre: float,
+    reached: float,
+    near: Float64,
+    asked: Bool,
+    height: Float64,
+    looked: Float64,
+) -> tuple[Float64, float]:
+    """Filter those of points `first` to `last`, of one fine column, that are asked for.
+
+    Told is how far the neighbours of the last points reached; how far those of these reach is
+    returned, and the buffer, which may have grown.
+    """
+    xyz, order = grid.xyz, grid.order
+    low, high = xyz[first, 2], xyz[last - 1, 2]
+    # Where points coincide, the last ones told nothing.
+    distance = min(max(_FARTHER * reached, radius / _NEAREST), radius)
+    if max_nb == 0:
+        distance = radius
+    near, size, own, cut = gather(grid, around, (first, last), (low, high), distance, near)
+    reaches, several = 0.0, 0
+    for i in range(first, last):
+        point, z = order[i], xyz[i, 2]
+        if len(asked) and not asked[point]:
+            continue
+        median, farthest = np.nan, 0.0
+        for again in (False, True):
+            there, there_size, itself = near, size, own + i - first
+            if cut and not low <= z <= high:
+                there, there_size, itself, _ = gather(
+                    grid, around, (i, i + 1), (z, z), distance, np.empty((_ROWS, _ROOM))
                 )
-                reaches, several = 0.0, 0
-                for i in range(first, last):
-                    point, z = order[i], xyz[i, 2]
-                    if len(asked) and not asked[point]:
-                        continue
-                    median, farthest = np.nan, 0.0
-                    for again in (False, True):
-                        if cut and not low <= z <= high:
-                            alone = np.empty((_ROWS, _ROOM))
-                            alone, m, self, _ = gather(
-                                grid, around, (i, i + 1), (z, z), distance, alone
-                            )
-                        else:
-                            alone, m, self = near, size, own + i - first
-                        alone, n, limit = _neighbours(
-                            grid, around, i, z, radius, max_nb, distance, alone, m, self
-                        )
-                        farthest = max(farthest, limit)
-                        if 0 < max_nb == n:
-                            reaches += np.sqrt(limit)
-                            several += 1
-                        if n < min_nb and not again:
-                            break
-                        alone[_HEIGHT, n] = z
-                        median = _middle(alone[_HEIGHT], alone[_SQUARED], n + 1)
-                        # Far from its surface a point sees the near side of it only: look from
-                        # there.
-                        if not 0 < recentre < abs(median - z):
-                            break
-                        z = median
-                    height[point] = median
-                    if len(asked):
-                        looked[point] = farthest
-                if several:
-                    reached = reaches / several
+            there, n, limit = _neighbours(
+                grid, around, i, z, radius, max_nb, distance, there, there_size, itself
+            )
+            farthest = max(farthest, limit)
+            if 0 < max_nb == n:
+                reaches += np.sqrt(limit)
+                several += 1
+            if n < min_nb and not again:
+                break
+            there[_HEIGHT, n] = z
+            median = _middle(there[_HEIGHT], there[_SQUARED], n + 1)
+            # Far from its surface a point sees the near side of it only: look from there.
+            if not 0 < recentre < abs(median - z):
+                break
+            z = median
+        height[point] = median
+        if len(asked):
+            looked[point] = farthest
+    return near, reaches / several if several else reached
 
 
 @kernel
