@@ -44,11 +44,17 @@ def _on_grid(xyz: Float64, cell_size: float) -> Bool:
 
 
 @kernel
+def key_of(ix: int, iy: int) -> np.uint64:
+    """Return the packed key of a cell."""
+    return np.uint64(np.uint64(ix - LEAST) << np.uint64(32) | np.uint64(iy - LEAST))
+
+
+@kernel
 def pack(ix: Array, iy: Array) -> UInt64:
     """Return the packed keys of cells; `ix` and `iy` are within int32."""
     keys = np.empty(len(ix), dtype=np.uint64)
     for i in range(len(ix)):
-        keys[i] = np.uint64(ix[i] - LEAST) << np.uint64(32) | np.uint64(iy[i] - LEAST)
+        keys[i] = key_of(ix[i], iy[i])
     return keys
 
 

@@ -17,7 +17,7 @@ from mlscli.kernels import kernel
 from mlscli.patches import distance, within_gap
 from mlscli.records import records_of, surface_of
 from mlscli.surface_map import MEASURED, SurfaceMap
-from mlscli.typing import Array, Bool, Int64
+from mlscli.typing import ZERO, Array, Bool, Int64
 
 
 def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
@@ -76,7 +76,7 @@ def _added(records: Any, new: Any, gap_size: float, thickness: float) -> Array:
     """Return the patches with measured ones added, in the order of maps."""
     measured, _, touched = _linked(records, new, gap_size, thickness)
     together = np.empty(len(records) + len(measured), dtype=records.dtype)
-    size = i = first = 0
+    size = i = first = ZERO
     while i < len(records) or first < len(measured):
         if first == len(measured) or (i < len(records) and records[i].cell < measured[first].cell):
             cell = records[i].cell
@@ -143,13 +143,13 @@ def _linked(
     from_other = np.zeros(len(linked), dtype=np.bool_)
     # The patches of one cell, ascending: those of the first count from 0, the others from there on.
     order = np.empty(len(linked), dtype=np.int64)
-    size = i = j = 0
+    size = i = j = ZERO
     while i < len(records) or j < len(others):
         if j == len(others) or (i < len(records) and records[i].cell < others[j].cell):
             cell = records[i].cell
         else:
             cell = others[j].cell
-        several = 0
+        several = ZERO
         while i < len(records) and records[i].cell == cell:
             if records[i].origin == MEASURED:
                 several = _insert(order, several, i, records, others)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.cells import LEAST
+from mlscli.cells import LEAST, key_of
 from mlscli.kernels import kernel
 from mlscli.surface_map import COLUMNS, SurfaceMap
 from mlscli.typing import Array, Float64, Int32, UInt8, UInt32, UInt64
@@ -96,7 +96,7 @@ def _put_together(
 ) -> None:
     for i in range(len(records)):
         patch = records[i]
-        patch.cell = np.uint64(ix[i] - LEAST) << np.uint64(32) | np.uint64(iy[i] - LEAST)
+        patch.cell = key_of(ix[i], iy[i])
         patch.height, patch.depth = height[i], depth[i]
         patch.top, patch.bottom = top[i], bottom[i]
         patch.mean, patch.variance = mean[i], variance[i]

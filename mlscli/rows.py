@@ -1,6 +1,7 @@
 """Rows of 8-byte words: what is known of a point or a patch, its cell's packed key first.
 
 Whoever moves rows about need not know what they hold. Unless said otherwise they ascend by cell.
+Places and sizes are int64 throughout: of each other type of them a kernel would be compiled anew.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import numpy as np
 
 from mlscli.kernels import kernel
 from mlscli.strips import SHIFT
-from mlscli.typing import Int64, UInt64
+from mlscli.typing import ONE, ZERO, Int64, UInt64
 
 
 @kernel
@@ -25,13 +26,13 @@ def copied(rows: UInt64, begin: int, size: int, target: UInt64, to: int) -> int:
 def merged(rows: UInt64, others: UInt64) -> UInt64:
     """Return the rows of both, ascending by cell; in a cell the others come last."""
     both = np.empty((len(rows) + len(others), rows.shape[1]), dtype=np.uint64)
-    i = j = n = 0
+    i = j = n = ZERO
     while n < len(both):
         if j == len(others) or (i < len(rows) and rows[i, 0] <= others[j, 0]):
-            n = copied(rows, i, 1, both, n)
+            n = copied(rows, i, ONE, both, n)
             i += 1
         else:
-            n = copied(others, j, 1, both, n)
+            n = copied(others, j, ONE, both, n)
             j += 1
     return both
 
@@ -83,7 +84,7 @@ def note_missing(
                 there = True
                 break
         if not there:
-            noted = copied(rows, begin + i, 1, missing, noted)
+            noted = copied(rows, begin + i, ONE, missing, noted)
     return noted
 
 
@@ -91,12 +92,12 @@ def note_missing(
 def missing(rows: UInt64, others: UInt64) -> UInt64:
     """Return the rows that are not among others, bit for bit; both ascend by cell."""
     apart = np.empty_like(rows)
-    noted = first = 0
+    noted = first = ZERO
     for i in range(len(rows)):
         while first < len(others) and others[first, 0] < rows[i, 0]:
             first += 1
         last = first
         while last < len(others) and others[last, 0] == rows[i, 0]:
             last += 1
-        noted = note_missing(rows, i, 1, others, first, last - first, apart, noted)
+        noted = note_missing(rows, i, ONE, others, first, last - first, apart, noted)
     return apart[:noted]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.kernels import kernel
-from mlscli.typing import UInt64
+from mlscli.typing import ZERO, UInt64
 
 # A strip has 2**5 cells: some more than what a batch of a sparse cloud touches of a column.
 SHIFT = 5
@@ -58,11 +58,11 @@ def widened(number: UInt64, bits: UInt64, reach: int) -> tuple[UInt64, UInt64]:
     is no longer than the set has been widened before; so the steps grow. At an edge of the grid
     one image may be lost: a longer step would leave a hole there.
     """
-    covered = 0
+    covered = ZERO
     while covered < reach:
         step = min(covered + 1, reach - covered)
-        number, bits = _spread(number, bits, step, 0)
-        number, bits = _spread(number, bits, 0, step)
+        number, bits = _spread(number, bits, step, ZERO)
+        number, bits = _spread(number, bits, ZERO, step)
         covered += step
     return number, bits
 

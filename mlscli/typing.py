@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,3 +15,6 @@ UInt8: TypeAlias = NDArray[np.uint8]
 UInt32: TypeAlias = NDArray[np.uint32]
 UInt64: TypeAlias = NDArray[np.uint64]
 Bool: TypeAlias = NDArray[np.bool_]
+
+# Numbers as kernels begin to count with them: for a literal one they would be compiled once more.
+ZERO, ONE = cast(int, np.int64(0)), cast(int, np.int64(1))

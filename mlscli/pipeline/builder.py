@@ -205,7 +205,8 @@ class MapBuilder:
         """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
         kind = SequentialMap if self.parameters.mode == "sequential" else ConsistentMap
         trial = Pipeline(self.parameters, self._pipeline.empty.frame_id, Report())
-        kind(trial).grow(gather([Keyframe(np.zeros((1, 3)))]).points)
+        # Two points: a column of one is laid out otherwise, for which kernels would be made anew.
+        kind(trial).grow(gather([Keyframe(np.zeros((2, 3)))]).points)
         return kind(self._pipeline)
 
     def _up_to_date(self) -> SurfaceMap:

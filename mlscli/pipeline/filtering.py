@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.cells import LEAST, CellSet
+from mlscli.cells import CellSet, key_of
 from mlscli.kernels import kernel
 from mlscli.keyframes import Points
 from mlscli.pipeline.ordering import cells_of
@@ -110,7 +110,7 @@ def _fill(
     rows: UInt64, floats: Float64, xyz: Float64, keyframe: Int32, ix: Int32, iy: Int32
 ) -> None:
     for i in range(len(rows)):
-        rows[i, _CELL] = np.uint64(ix[i] - LEAST) << np.uint64(32) | np.uint64(iy[i] - LEAST)
+        rows[i, _CELL] = key_of(ix[i], iy[i])
         floats[i, _X], floats[i, _Y], floats[i, _Z] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         rows[i, _KEYFRAME] = keyframe[i]
         floats[i, _HEIGHT], floats[i, _LOOKED] = xyz[i, 2], np.inf

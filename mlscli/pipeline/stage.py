@@ -98,11 +98,16 @@ class PointStage(Stage):
 @kernel
 def _kept(xyz: Float64, keyframe: Int32, height: Float64) -> tuple[Float64, Int32]:
     """Return the points whose new heights are not NaN, at these heights."""
-    stays = np.flatnonzero(~np.isnan(height))
-    moved, which = np.empty((len(stays), 3)), np.empty(len(stays), dtype=np.int32)
-    for place, i in enumerate(stays):
-        moved[place, 0], moved[place, 1], moved[place, 2] = xyz[i, 0], xyz[i, 1], height[i]
-        which[place] = keyframe[i]
+    size = 0
+    for z in height:
+        size += not np.isnan(z)
+    moved, which = np.empty((size, 3)), np.empty(size, dtype=np.int32)
+    place = 0
+    for i in range(len(height)):
+        if not np.isnan(height[i]):
+            moved[place, 0], moved[place, 1], moved[place, 2] = xyz[i, 0], xyz[i, 1], height[i]
+            which[place] = keyframe[i]
+            place += 1
     return moved, which
 
 

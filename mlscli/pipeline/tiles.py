@@ -8,7 +8,7 @@ that has to grow, or is tidied up, is a small and bounded part of what a map cos
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import reduce
 from typing import Any
 
@@ -16,9 +16,10 @@ import numpy as np
 
 from mlscli.cells import CellSet
 from mlscli.kernels import kernel
+from mlscli.patches import runs
 from mlscli.rows import alike, copied, merged, note_missing, starts
 from mlscli.strips import SHIFT, SIDE, WIDTH, Strips
-from mlscli.typing import Array, Int64, UInt64
+from mlscli.typing import ZERO, Array, Int64, UInt64
 
 Number = np.uint64
 
@@ -103,16 +104,17 @@ class Tiles:
         strips = self._strips(cells, new)
         start = starts(new, strips.number)
         removed, added = [], []
-        for number in _numbers(strips):
+        for number, own in _by_tile(strips):
             there = number in self._tiles
             tile = self._tiles[number] if there else Tile(number, self._words)
-            to_come = _to_come(tile.number, tile.place, strips.number, start)
+            mine, bits, its_new = strips.number[own], strips.bits[own], start[own]
+            to_come = _to_come(tile.number, tile.place, mine, its_new)
             if not there and not to_come[1]:
                 continue
             self._tiles[number] = tile
             tile.make_room(*to_come)
             gone, came = _update(
-                tile.number, tile.place, tile.runs, tile.rows, tile.used, *strips, new, start
+                tile.number, tile.place, tile.runs, tile.rows, tile.used, mine, bits, new, its_new
             )
             removed.append(gone)
             added.append(came)
@@ -130,7 +132,15 @@ class Tiles:
         return self._rows(Strips(numbers, np.full_like(numbers, 2**SIDE - 1)))
 
     def _rows(self, strips: Strips) -> UInt64:
-        tiles = [self._tiles[n] for n in _numbers(strips) if n in self._tiles]
+        """Return the rows in a set of cells, ascending by cell."""
+        there = [(self._tiles[n], own) for n, own in _by_tile(strips) if n in self._tiles]
+        if len(there) < _MANY:
+            return self._fetched([tile for tile, _ in there], strips)
+        parts = (Strips(strips.number[own], strips.bits[own]) for _, own in there)
+        tiles = ([tile] for tile, _ in there)
+        return self._together([*map(self._fetched, tiles, parts)])
+
+    def _fetched(self, tiles: list[Tile], strips: Strips) -> UInt64:
         start = np.zeros(len(strips.number) + 1, dtype=np.int64)
         for tile in tiles:
             _count(tile.number, tile.place, tile.runs, *strips, start)
@@ -162,9 +172,26 @@ class Tiles:
         return rows[np.argsort(rows[:, 0], kind="stable")]
 
 
-def _numbers(strips: Strips) -> dict[int, None]:
-    """Return the numbers of the tiles in which strips lie, each once."""
-    return dict.fromkeys(_tiles_of(strips.number).tolist())
+def _by_tile(strips: Strips) -> Iterator[tuple[int, slice | Int64]]:
+    """Yield the numbers of the tiles in which strips lie, and where theirs are among these.
+
+    Where tiles are few they are told of all: it costs them less to pass over those of others.
+    """
+    numbers = dict.fromkeys(_tiles_of(strips.number).tolist())
+    if len(numbers) < _MANY:
+        yield from dict.fromkeys(numbers, slice(None)).items()
+        return
+    tiles = strips.number >> np.uint64(WIDTH + TILE) << np.uint64(32)
+    tiles |= (strips.number & np.uint64(2**WIDTH - 1)) >> np.uint64(TILE - SHIFT)
+    order = np.argsort(tiles, kind="stable")
+    start = runs(tiles[order])
+    yield from zip(tiles[order[start[:-1]]].tolist(), np.split(order, start[1:-1]), strict=True)
+
+
+@kernel
+def _run(runs: Array, strip: int, cell: int) -> tuple[int, int]:
+    """Return where the rows of a cell begin, and how many they are."""
+    return np.int64(runs[strip, cell, 0]), np.int64(runs[strip, cell, 1])  # type: ignore[return-value]
 
 
 @kernel
@@ -255,18 +282,20 @@ def _fetch(
             at, to = place[_place_of(strips[s])], start[s]
             for cell in range(SIDE):
                 if _has(bits[s], cell):
-                    to = copied(rows, runs[at, cell, 0], runs[at, cell, 1], fetched, to)
+                    begin, size = _run(runs, at, cell)
+                    to = copied(rows, begin, size, fetched, to)
 
 
 @kernel
 def _tidy_up(place: Array, runs: Array, rows: UInt64, tidy: UInt64) -> None:
     """Move the rows of a tile to where there is room for more, in the order of their cells."""
-    to = 0
+    to = ZERO
     for at in place:
         if at >= 0:
             for cell in range(SIDE):
-                begin, runs[at, cell, 0] = runs[at, cell, 0], to
-                to = copied(rows, begin, runs[at, cell, 1], tidy, to)
+                begin, size = _run(runs, at, cell)
+                runs[at, cell, 0] = to
+                to = copied(rows, begin, size, tidy, to)
 
 
 @kernel
@@ -295,9 +324,9 @@ def _update(
     """Replace the rows that a tile has in the cells of a set; return which went and which came."""
     counts = np.zeros(len(strips) + 1, dtype=np.int64)
     _count(number, place, runs, strips, bits, counts)
-    removed = np.empty((counts.sum(), rows.shape[1]), dtype=np.uint64)
+    removed = np.empty((_summed(counts), rows.shape[1]), dtype=np.uint64)
     added = np.empty_like(new)
-    gone = came = 0
+    gone = came = ZERO
     for s in range(len(strips)):
         if _tile_of(strips[s]) != np.uint64(number):
             continue
@@ -314,7 +343,8 @@ def _update(
                 first += 1
             if not _has(bits[s], cell):
                 continue
-            old, size, more = runs[at, cell, 0], runs[at, cell, 1], first - begin
+            old, size = _run(runs, at, cell)
+            more = first - begin
             if alike(rows, old, size, new, begin, more):
                 continue
             gone = note_missing(rows, old, size, new, begin, more, removed, gone)
