@@ -155,6 +155,16 @@ def fed_back(surface: SurfaceMap, points: Points, stages: Sequence[Stage]) -> Su
     return surface
 
 
+@pytest.mark.parametrize("mode", ["consistent", "sequential"])
+def test_what_lies_within_reach_keeps_the_neighbours_that_lie_beyond(mode: str) -> None:
+    builder = MapBuilder(parameters_of([Orphans(horizontal=CELL, vertical=0.5)], mode))
+    builder.process_cloud(at_heights([(0.6, 0.0), (1.1, 0.0)]))
+    # High above the cell beside the two, of which one alone is within reach.
+    change = builder.process_cloud(at_heights([(0.1, 5.0)]))
+    assert change.removed.size == change.added.size == 0
+    assert builder.surface.ix.tolist() == [1, 2]
+
+
 # --- the properties say something ---
 
 
