@@ -19,23 +19,36 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mlscli.cells import Limits
+from mlscli.cells import CellSet, Limits, pack
 from mlscli.io.mapfile import read_map, write_map
 from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points
 from mlscli.pipeline import large, tilewise
 from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.builder import MapBuilder
+from mlscli.pipeline.grouping import group
 from mlscli.pipeline.large import build_large
+from mlscli.pipeline.orphans import Orphans
 from mlscli.pipeline.pipeline import Pipeline
+from mlscli.pipeline.plaster import Plaster
+from mlscli.pipeline.pyramids import Pyramids
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.stage import Stage
+from mlscli.pipeline.stage import MapStage, Stage
 from mlscli.pipeline.tilewise import Threads, evaluate, in_tiles, joined, surroundings, tiles_of
+from mlscli.pipeline.walls import Walls
 from mlscli.surface_map import SurfaceMap
 from tests.bags import Sent, write_bag
-from tests.maps import CELL, symmetries, turned_map, turned_points
+from tests.maps import CELL, GAP, THICKNESS, Patch, map_of, symmetries, turned_map, turned_points
 from tests.pipeline.test_growing import one_pass, together
-from tests.pipelines import clouds, flights, in_batches, parameters_of, points_at, stage_lists
+from tests.pipelines import (
+    clouds,
+    eventful_points,
+    flights,
+    in_batches,
+    parameters_of,
+    points_at,
+    stage_lists,
+)
 
 
 @settings(max_examples=40)
@@ -55,6 +68,42 @@ def test_a_window_shows_what_the_whole_map_has_there(
         limits = Limits(ends[0], ends[2], ends[1], ends[3])
         points_there = surroundings(pipeline, blocks, limits)
         assert evaluate(pipeline, points_there, limits).surface == expected.crop(*limits)
+
+
+@pytest.mark.parametrize(
+    "stage",
+    [
+        Orphans(horizontal=1.3, vertical=0.3, min_neighbours=2),
+        Walls(max_gap=1.1, max_gap_enhanced=1.6, join=0.5),
+        Plaster(max_gap=1.0, max_gap_enhanced=1.0, height_clearance=0.5),
+        Pyramids(height_factor_thresh=0.0, max_height=GAP, pits=True),
+    ],
+)
+def test_a_cell_needs_what_lies_within_the_reach_and_nothing_beyond(stage: MapStage) -> None:
+    reach = stage.reach(CELL)
+    assert reach is not None
+    for seed in range(25):
+        surface = group(eventful_points(seed, 200), CELL, GAP, THICKNESS)
+        whole = stage.apply(surface)
+        for key in np.unique(pack(whole.ix, whole.iy)):
+            cell = CellSet(np.array([key]))
+            near = surface.in_cells(cell.widened(reach))
+            assert stage.apply(near).in_cells(cell) == whole.in_cells(cell)
+
+
+def test_what_pass_one_closes_beyond_keeps_pass_two_from_closing() -> None:
+    # In pass one (1, 4) is closed, by two cells. So in pass two what looks from -1 meets that,
+    # which looks back at 1; without 4 it would meet 3, across the cell 0.
+    heights = {-1: 0.0, 1: 1.2, 3: -0.3, 4: 0.9}
+    surface = map_of([Patch(x, 0, z, 0.0, 0, 5) for x, z in heights.items()])
+    stage = Plaster(
+        height_thresh=1, height_clearance=0, max_gap=2 * CELL, max_gap_enhanced=3 * CELL
+    )
+    cell = CellSet.of(np.array([0]), np.array([0]))
+    assert stage.apply(surface).in_cells(cell).size == 0
+    assert stage.apply(surface.crop(max_x=3)).in_cells(cell).size == 1
+    near = surface.in_cells(cell.widened(stage.reach(CELL)))
+    assert stage.apply(near).in_cells(cell).size == 0
 
 
 @settings(max_examples=40)
