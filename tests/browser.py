@@ -118,9 +118,9 @@ class Browser:
             time.sleep(0.05)
 
     def settle(self) -> None:
-        """Wait until what was done is drawn."""
-        frames = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        self.evaluate(f"{frames}.then(() => true)")
+        """Wait until what was done is drawn, and then once more: at rest edges become smooth."""
+        frame = "await new Promise((done) => requestAnimationFrame(done));"
+        self.evaluate(f"(async () => {{ {4 * frame} return true; }})()")
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of an expression of JavaScript."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -29,3 +30,11 @@ def mls(
     said = done.stderr.splitlines(keepends=True)
     done.stderr = "".join(line for line in said if not line.startswith("mls: compiling kernels"))
     return done
+
+
+def heed_interrupts() -> None:
+    """Let a program that is about to start be interrupted, also if the tests run in the background.
+
+    There a shell has interrupts ignored, which programs inherit.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

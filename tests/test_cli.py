@@ -18,6 +18,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.program import heed_interrupts
+
 ROOT = Path(__file__).resolve().parent.parent
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 MLS = [sys.executable, "-m", "mlscli"]
@@ -166,6 +168,7 @@ def test_a_signal_leaves_no_unfinished_file_behind(
         stderr=subprocess.PIPE,
         text=True,
         env=ENVIRONMENT,
+        preexec_fn=heed_interrupts,
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "writing\n"

@@ -41,7 +41,7 @@ from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise import Threads, in_tiles, joined, tiles_of
 from tests.maps import CELL, random_points
 from tests.pipeline.test_growing import PIPELINES, one_pass, parameters
-from tests.program import mls
+from tests.program import heed_interrupts, mls
 from tests.stages import Fatal, Hooked
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data/samples/bridge.txt"
@@ -180,6 +180,7 @@ def test_an_interrupt_ends_workers_and_program_in_a_line(tmp_path: Path) -> None
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=heed_interrupts,
     )
     started: list[psutil.Process] = []
     # One of them keeps account of what the others share.
