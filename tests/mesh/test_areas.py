@@ -165,3 +165,10 @@ def test_the_gable_of_the_house_is_closed_and_all_else_as_the_scene() -> None:
     known = expected(scene)
     assert floors == pytest.approx(known[0], rel=0.02)
     assert floors + walls == pytest.approx(sum(known) + front + at_sides, rel=0.02)
+
+
+@pytest.mark.parametrize("gap_size", [0.4, 0.3, CELL])
+def test_the_house_has_its_area_where_the_map_tells_eaves_and_roof_apart(gap_size: float) -> None:
+    scene = make("house")
+    mesh = build_mesh(truth(scene, CELL, gap_size, CELL))
+    assert sum(measured(mesh)) == pytest.approx(sum(expected(scene)), rel=0.02)
