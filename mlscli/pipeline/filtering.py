@@ -1,7 +1,8 @@
 """Points that a stage has filtered, and filters again where others come.
 
 A point is looked at again only where a point that came or went lies no farther than the stage
-looked when it last gave it a height: beyond that, nothing can change.
+looked when it last gave it a height: beyond that, nothing can change. Of several in one cell the
+rectangle around them counts.
 """
 
 from __future__ import annotations
@@ -59,13 +60,13 @@ class FilteredPoints:
         new = _rows_of(points, pipeline.cell_size)
         cells = CellSet.of_keys(new[:, _CELL])
         rows = merged(self._tiles.extract(cells), new)
-        self._tiles.update(cells, rows)
+        self._tiles.put(cells, rows)
         return self._filtered(pipeline, Outcome(cells, rows), new)
 
     def replace(self, pipeline: Pipeline, given: Outcome) -> tuple[Outcome, int]:
         """Take what has become of the points that this stage reads, and how many more they are."""
         before, rows = self._tiles.extract(given.cells), _passed_on(given.rows)
-        self._tiles.update(given.cells, rows)
+        self._tiles.put(given.cells, rows)
         changed = np.concatenate((before, rows))
         return self._filtered(pipeline, Outcome(given.cells, rows), changed), len(rows) - len(
             before
@@ -80,7 +81,7 @@ class FilteredPoints:
         asked = _asked(near, near.view(np.float64), changed, changed.view(np.float64), reach)
         height, looked = pipeline.evaluated(self._stage, _as_read(near), asked)
         cells, outcome = _noted(near, near.view(np.float64), asked, height, looked)
-        self._tiles.update(CellSet.of_keys(cells), near)
+        self._tiles.put(CellSet.of_keys(cells), near)
         keys = np.concatenate((outcome[:, _CELL], given.cells.keys))
         return Outcome(CellSet.of_keys(keys), outcome)
 
@@ -129,23 +130,34 @@ def _passed_on(rows: UInt64) -> UInt64:
 def _asked(rows: UInt64, floats: Float64, changed: UInt64, places: Float64, reach: int) -> Bool:
     """Tell which points a stage must look at again, given those that came and went.
 
-    Rows ascend by cell; a stage looks no farther than into cells within its reach.
+    Rows ascend by cell; a stage looks no farther than into cells within its reach. Those that came
+    or went in one cell are taken for the rectangle around them: one by one, dense clouds would cost
+    more than what is spared.
     """
     asked: Bool = floats[:, _LOOKED] == np.inf
     if asked.all():
         return asked
-    for j in range(len(changed)):
-        x = int(changed[j, _CELL] >> np.uint64(32))
-        y = int(changed[j, _CELL] & np.uint64(0xFFFFFFFF))
+    begin = 0
+    while begin < len(changed):
+        left, right, lower, upper = np.inf, -np.inf, np.inf, -np.inf
+        end = begin
+        while end < len(changed) and changed[end, _CELL] == changed[begin, _CELL]:
+            left, right = min(left, places[end, _X]), max(right, places[end, _X])
+            lower, upper = min(lower, places[end, _Y]), max(upper, places[end, _Y])
+            end += 1
+        x = int(changed[begin, _CELL] >> np.uint64(32))
+        y = int(changed[begin, _CELL] & np.uint64(0xFFFFFFFF))
         lowest, highest = max(y - reach, 0), min(y + reach, 2**32 - 1)
         for column in range(max(x - reach, 0), min(x + reach, 2**32 - 1) + 1):
             first = np.uint64(column) << np.uint64(32) | np.uint64(lowest)
             last = np.uint64(column) << np.uint64(32) | np.uint64(highest)
             i = _first_from(rows, first)
             while i < len(rows) and rows[i, _CELL] <= last:
-                dx, dy = floats[i, _X] - places[j, _X], floats[i, _Y] - places[j, _Y]
+                dx = max(0.0, max(left - floats[i, _X], floats[i, _X] - right))
+                dy = max(0.0, max(lower - floats[i, _Y], floats[i, _Y] - upper))
                 asked[i] |= dx * dx + dy * dy <= floats[i, _LOOKED]
                 i += 1
+        begin = end
     return asked
 
 

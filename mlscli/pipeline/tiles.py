@@ -87,8 +87,14 @@ class Tiles:
         """Return the rows in `cells`, ascending by cell."""
         return self._rows(self._strips(cells))
 
+    def put(self, cells: CellSet, new: UInt64) -> None:
+        """Replace the rows in `cells` by those of `new` that lie in them; see `update`."""
+        self._replace(cells, new, told=False)
+
     def update(self, cells: CellSet, new: UInt64) -> tuple[UInt64, UInt64]:
-        """Replace the rows in `cells` by those of `new` that lie in them.
+        """Replace the rows in `cells` by those of `new` that lie in them, and tell what differs.
+
+        Each row of a cell is compared with all that it had: cells should have few.
 
         Parameters
         ----------
@@ -101,6 +107,9 @@ class Tiles:
         removed, added : uint64 (., words)
             Rows that a cell had and has no more, and rows that it has only now; ascending by cell.
         """
+        return self._replace(cells, new, told=True)
+
+    def _replace(self, cells: CellSet, new: UInt64, told: bool) -> tuple[UInt64, UInt64]:
         strips = self._strips(cells, new)
         start = starts(new, strips.number)
         removed, added = [], []
@@ -108,14 +117,15 @@ class Tiles:
             there = number in self._tiles
             tile = self._tiles[number] if there else Tile(number, self._words)
             mine, bits, its_new = strips.number[own], strips.bits[own], start[own]
-            to_come = _to_come(tile.number, tile.place, mine, its_new)
-            if not there and not to_come[1]:
+            unlisted, to_come = _to_come(number, tile.place, mine, its_new)
+            if not there and not to_come:
                 continue
             self._tiles[number] = tile
-            tile.make_room(*to_come)
+            tile.make_room(unlisted, to_come)
             gone, came = _update(
-                tile.number, tile.place, tile.runs, tile.rows, tile.used, mine, bits, new, its_new
-            )
+                number, tile.place, tile.runs, tile.rows, tile.used,
+                mine, bits, new, its_new, to_come, told,
+            )  # fmt: skip
             removed.append(gone)
             added.append(came)
             if not tile.used[2]:
@@ -320,12 +330,15 @@ def _update(
     bits: UInt64,
     new: UInt64,
     start: Int64,
+    to_come: int,
+    told: bool,
 ) -> tuple[UInt64, UInt64]:
-    """Replace the rows that a tile has in the cells of a set; return which went and which came."""
+    """Replace the rows that a tile has in the cells of a set; tell which went and which came."""
     counts = np.zeros(len(strips) + 1, dtype=np.int64)
-    _count(number, place, runs, strips, bits, counts)
+    if told:
+        _count(number, place, runs, strips, bits, counts)
     removed = np.empty((_summed(counts), rows.shape[1]), dtype=np.uint64)
-    added = np.empty_like(new)
+    added = np.empty((to_come if told else 0, rows.shape[1]), dtype=np.uint64)
     gone = came = ZERO
     for s in range(len(strips)):
         if _tile_of(strips[s]) != np.uint64(number):
@@ -347,8 +360,9 @@ def _update(
             more = first - begin
             if alike(rows, old, size, new, begin, more):
                 continue
-            gone = note_missing(rows, old, size, new, begin, more, removed, gone)
-            came = note_missing(new, begin, more, rows, old, size, added, came)
+            if told:
+                gone = note_missing(rows, old, size, new, begin, more, removed, gone)
+                came = note_missing(new, begin, more, rows, old, size, added, came)
             if more > size:
                 old = used[1]
                 used[1] += more

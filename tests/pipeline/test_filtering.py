@@ -1,10 +1,12 @@
 """Points are filtered again where others come within their sight, and nowhere else.
 
 How one could cheat: ask all points again; say of each point that it looked over the whole radius;
-points so few that none has neighbours enough.
+points so few that none has neighbours enough; one point at a time, or never many in a cell.
 """
 
 from __future__ import annotations
+
+import time
 
 import numpy as np
 import pytest
@@ -71,10 +73,9 @@ def test_only_points_that_see_a_new_one_are_asked_again(
         return evaluate(stage, points, cell_size, which)
 
     monkeypatch.setattr(Median, "evaluate", watched)
-    pipeline = Pipeline(loads(f"map: {{cell_size: {CELL}}}\npipeline: []"), "map", Report())
     filtered = FilteredPoints(Median(0.8, max_nb=max_nb, min_nb=2))
-    filtered.add(pipeline, points_of(cloud))
-    outcome = filtered.add(pipeline, points_of(new))
+    filtered.add(pipeline(), points_of(cloud))
+    outcome = filtered.add(pipeline(), points_of(new))
     points, which = asked[1]
     told = {tuple(row) for row in points.xyz[which].tolist()}
     # By the definition: those whose nearest so many, of all that are within the radius, end there.
@@ -88,3 +89,41 @@ def test_only_points_that_see_a_new_one_are_asked_again(
     assert told == expected
     assert len(expected) < (400 if max_nb == 0 else 60)
     assert kept(outcome.rows).size >= 2
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, MEDIANS)
+def test_many_that_come_to_one_cell_change_what_each_of_them_would(
+    seed: int, stage: Median
+) -> None:
+    rng = np.random.default_rng(seed)
+    cloud = random_points(rng, 120).xyz
+    new = np.round(rng.uniform((0, 0, -0.3), (0.6, 0.6, 0.3), (12, 3)) * 16) / 16
+    filtered = FilteredPoints(stage)
+    first, then = (filtered.add(pipeline(), points_of(xyz)) for xyz in (cloud, new))
+    unchanged = ~np.isin(first.rows[:, 0], then.cells.keys)
+    together = kept(np.concatenate((first.rows[unchanged], then.rows)))
+    once = stage.apply(points_of(np.concatenate((cloud, new))), CELL)
+    assert sorted(together.xyz.tolist()) == sorted(once.xyz.tolist())
+
+
+def test_a_point_costs_no_more_where_many_share_its_cell() -> None:
+    few, many = 500, 10_000
+    # Kernels are loaded.
+    seconds_for_each(few)
+    assert seconds_for_each(many) < 4 * min(seconds_for_each(few) for _ in range(5))
+
+
+def seconds_for_each(size: int) -> float:
+    """Return what it takes, for each, to filter points that come to as many in one cell."""
+    rng = np.random.default_rng(size)
+    filtered = FilteredPoints(Median(0.8, max_nb=6, min_nb=2))
+    for _ in range(2):
+        points = points_of(rng.uniform(0, CELL, (size, 3)) * (1, 1, 0.1))
+        begin = time.process_time()
+        filtered.add(pipeline(), points)
+    return (time.process_time() - begin) / size
+
+
+def pipeline() -> Pipeline:
+    return Pipeline(loads(f"map: {{cell_size: {CELL}}}\npipeline: []"), "map", Report())

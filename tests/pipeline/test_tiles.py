@@ -6,9 +6,14 @@ without a reach; rows that are replaced by themselves.
 
 from __future__ import annotations
 
+import resource
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+import psutil
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -104,3 +109,34 @@ def test_what_is_replaced_again_and_again_takes_no_more_room() -> None:
     assert max(sizes[100:]) <= max(sizes[:100]) <= 10 * 60 * WORDS * 8
     tiles.update(cells, rows[:0])
     assert not list(tiles.tiles())
+
+
+def test_what_lies_scattered_costs_each_tile_what_is_its_own() -> None:
+    few, many = 500, 40_000
+    # Kernels are loaded.
+    seconds_for_each(few)
+    # Room in each tile for the rows of all would be 40 GB.
+    with at_most_more(4 * 2**30):
+        assert seconds_for_each(many) < 4 * min(seconds_for_each(few) for _ in range(5))
+
+
+def seconds_for_each(size: int) -> float:
+    """Return what it takes, for each, to put away and read cells of which no two share a tile."""
+    across = int(np.sqrt(size))
+    ix, iy = np.arange(size) % across * 2 * SIDE, np.arange(size) // across * 2 * SIDE
+    tiles, cells = Tiles(WORDS), CellSet.of(ix, iy)
+    begin = time.process_time()
+    tiles.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
+    assert len(tiles.extract(cells)) == size
+    return (time.process_time() - begin) / size
+
+
+@contextmanager
+def at_most_more(memory: int) -> Iterator[None]:
+    """Let the process ask for no more than so many bytes more, used or not."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (psutil.Process().memory_info().vms + memory, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
