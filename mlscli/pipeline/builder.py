@@ -19,7 +19,7 @@ import mlscli
 from mlscli.cell_size import auto_cell_size
 from mlscli.cells import on_grid
 from mlscli.config import Parameters, to_dict
-from mlscli.errors import InputError
+from mlscli.errors import InputError, UsageError
 from mlscli.keyframes import Keyframe, Points, gather
 from mlscli.pipeline.change import Change, points_in
 from mlscli.pipeline.cluster import Cluster
@@ -78,7 +78,7 @@ class MapBuilder:
     Raises
     ------
     UsageError
-        Where `cell_size` is ``auto``.
+        Where `cell_size` is ``auto``; where points are given once the map is finished.
 
     Examples
     --------
@@ -115,6 +115,7 @@ class MapBuilder:
         self._routes_told = 0
         self._batches: list[Points] = []
         self._growing: GrowingMap | None = None
+        self._finished: SurfaceMap | None = None
 
     def add(self, keyframe: Keyframe) -> None:
         """Take a keyframe; a batch is processed once it has `batch.min_points` points."""
@@ -145,18 +146,27 @@ class MapBuilder:
     def surface(self) -> SurfaceMap:
         """The map of the batches so far, without what is done only in the end.
 
-        Keyframes that wait for more points are not in it.
+        Keyframes that wait for more points are not in it. Once the map is finished, it is that.
         """
+        if self._finished is not None:
+            return self._finished
         return self._described(self._up_to_date())
 
     def finish(self) -> SurfaceMap:
-        """Process what waits, run the stages that need the whole map, and return the map."""
-        if self._waiting:
-            self._process_waiting()
-        surface = self._at_once() if self._growing is None else self._up_to_date()
-        return self._described(self._pipeline.finished(surface, self._progress))
+        """Process what waits, run the stages that need the whole map, and return the map.
+
+        It takes no more points then, for it may have let go of those that it had.
+        """
+        if self._finished is None:
+            if self._waiting:
+                self._process_waiting()
+            surface = self._at_once() if self._growing is None else self._up_to_date()
+            self._finished = self._described(self._pipeline.finished(surface, self._progress))
+        return self._finished
 
     def _wait(self, keyframe: Keyframe) -> None:
+        if self._finished is not None:
+            raise UsageError("the map is finished and takes no more points; make a new MapBuilder")
         self._waiting.append(keyframe)
         self._waiting_points += len(keyframe.points)
         self.report.points_read += len(keyframe.points)

@@ -191,6 +191,26 @@ def test_a_library_user_feeds_clouds_and_what_is_not_finite_is_counted() -> None
     assert not np.signbit(surface.bottom).any()
 
 
+@pytest.mark.parametrize("looks", [False, True])
+def test_a_finished_map_stays_what_it_is(looks: bool) -> None:
+    points = random_points(np.random.default_rng(3), 400)
+    builder = MapBuilder(parameters(EVERYTHING + REGIONS))
+    for keyframe in keyframes_of(points):
+        builder.add(keyframe)
+        if looks:
+            _ = builder.surface
+    surface = builder.finish()
+    dropped = dict(builder.report.dropped)
+    assert surface.size > 0
+    assert dropped["regions"] > 0
+    for again in (builder.finish(), builder.surface):
+        assert again == surface
+        assert again.meta == surface.meta
+    assert builder.report.dropped == dropped
+    with pytest.raises(UsageError, match="the map is finished"):
+        builder.process_cloud(points.xyz)
+
+
 def test_a_growing_map_needs_a_number_for_its_cell_size() -> None:
     with pytest.raises(UsageError, match="cell_size"):
         MapBuilder(Parameters())
