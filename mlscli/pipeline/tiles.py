@@ -369,4 +369,5 @@ def _update(
             copied(new, begin, more, rows, old)
             runs[at, cell, 0], runs[at, cell, 1] = old, more
             used[2] += more - size
-    return removed[:gone], added[:came]
+    # Whoever keeps what differs keeps no room for what could have.
+    return removed[:gone].copy(), added[:came].copy()

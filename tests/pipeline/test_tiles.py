@@ -120,6 +120,19 @@ def test_what_lies_scattered_costs_each_tile_what_is_its_own() -> None:
         assert seconds_for_each(many) < 4 * min(seconds_for_each(few) for _ in range(5))
 
 
+def test_who_keeps_what_differed_keeps_no_more() -> None:
+    tiles = Tiles(WORDS)
+    cells = CellSet.of(*np.divmod(np.arange(SIDE * SIDE), SIDE))
+    rows = np.repeat(cells.keys[:, None], WORDS, axis=1)
+    tiles.update(cells, rows)
+    kept = []
+    with at_most_more(32 * 2**20):
+        for turn in range(400):
+            rows[turn, 1] = turn
+            kept.append(tiles.update(cells, rows))
+    assert [(len(removed), len(added)) for removed, added in kept] == 400 * [(1, 1)]
+
+
 def seconds_for_each(size: int) -> float:
     """Return what it takes, for each, to put away and read cells of which no two share a tile."""
     across = int(np.sqrt(size))
