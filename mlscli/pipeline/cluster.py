@@ -62,7 +62,7 @@ class Cluster:
     Attributes
     ----------
     number : int
-        How many tiles were evaluated at a time when it was connected to.
+        How many tiles could be evaluated at a time when it was connected to; at least one.
     """
 
     def __init__(self, name: str, client: Any) -> None:
@@ -72,7 +72,8 @@ class Cluster:
         with self._spoken_to():
             # Something to do: a cluster that follows its load starts a worker for it.
             self._failure(client.submit(os.getpid, pure=False))
-            self.number: int = sum(client.nthreads().values())
+            # One that has left meanwhile may come back.
+            self.number: int = max(1, sum(client.nthreads().values()))
             self._check()
 
     @property

@@ -262,6 +262,28 @@ def test_a_cluster_without_workers_is_not_waited_for_long(monkeypatch: pytest.Mo
         pass
 
 
+def test_a_cluster_whose_last_worker_has_just_left_is_one_that_may_get_another() -> None:
+    class Left:
+        """Speaks as a client whose worker did what it was asked first, and went."""
+
+        def submit(self, *_: object, **options: object) -> Left:  # noqa: ARG002
+            return self
+
+        def exception(self, timeout: float) -> None:
+            """Tell of no failure."""
+
+        def nthreads(self) -> dict[str, int]:
+            return {}
+
+        def run_on_scheduler(self, call: Any) -> object:
+            return call()
+
+        def run(self, *_: object, **options: object) -> dict[str, object]:  # noqa: ARG002
+            return {}
+
+    assert Cluster("tcp://left:1", Left()).number == 1
+
+
 def test_a_worker_with_another_version_is_refused(
     monkeypatch: pytest.MonkeyPatch, address: str
 ) -> None:
