@@ -19,7 +19,7 @@ from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt64
 LEAST, GREATEST = -(2**31), 2**31 - 1
 
 # So many strips are listed without a thought.
-_FEW = 2**12
+_FEW = 2**14
 
 
 def cell_indices(coordinates: Float64, cell_size: float) -> Float64:

@@ -54,6 +54,11 @@ class Tile:
         self.rows = np.empty((4, words), dtype=np.uint64)
         self.used = np.zeros(3, dtype=np.int64)
 
+    @property
+    def listed(self) -> int:
+        """How many strips are listed."""
+        return int(self.used[0])
+
     def make_room(self, strips: int, rows: int) -> None:
         """See that there is room for more strips and rows."""
         listed, filled, kept = self.used.tolist()
@@ -82,6 +87,8 @@ class Tiles:
     def __init__(self, words: int) -> None:
         self._words = words
         self._tiles: dict[int, Tile] = {}
+        # How many strips these list.
+        self._there = 0
 
     def extract(self, cells: CellSet) -> UInt64:
         """Return the rows in `cells`, ascending by cell."""
@@ -121,6 +128,7 @@ class Tiles:
             if not there and not to_come:
                 continue
             self._tiles[number] = tile
+            self._there -= tile.listed
             tile.make_room(unlisted, to_come)
             gone, came = _update(
                 number, tile.place, tile.runs, tile.rows, tile.used,
@@ -128,7 +136,9 @@ class Tiles:
             )  # fmt: skip
             removed.append(gone)
             added.append(came)
-            if not tile.used[2]:
+            if tile.used[2]:
+                self._there += tile.listed
+            else:
                 del self._tiles[number]
         return self._together(removed), self._together(added)
 
@@ -161,7 +171,8 @@ class Tiles:
 
     def _strips(self, cells: CellSet, new: UInt64 | None = None) -> Strips:
         """Return a set by strips, if only by those that there are where these are the fewer."""
-        strips = cells.strips(most=len(self._tiles) * 4**TILE)
+        # To go through those that there are costs more, cell by cell.
+        strips = cells.strips(most=SIDE * self._there)
         if strips is None:
             listed = [self._listed()]
             if new is not None:

@@ -133,6 +133,22 @@ def test_who_keeps_what_differed_keeps_no_more() -> None:
     assert [(len(removed), len(added)) for removed, added in kept] == 400 * [(1, 1)]
 
 
+def test_the_surroundings_of_what_lies_scattered_are_not_listed() -> None:
+    # Kernels are loaded.
+    assert len(surroundings(100)) == 100
+    # The squares have 6 million strips, of 16 bytes each.
+    with at_most_more(64 * 2**20):
+        assert len(surroundings(3000)) == 3000
+
+
+def surroundings(size: int) -> UInt64:
+    """Return what lies in wide squares around cells that lie far apart."""
+    cells = CellSet.of(np.arange(size) * 1000, np.zeros(size, dtype=np.int64))
+    tiles = Tiles(WORDS)
+    tiles.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
+    return tiles.extract(cells.widened(60))
+
+
 def seconds_for_each(size: int) -> float:
     """Return what it takes, for each, to put away and read cells of which no two share a tile."""
     across = int(np.sqrt(size))
