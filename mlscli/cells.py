@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.patches import runs
 from mlscli.strips import SHIFT, SIDE, Strips, strips_of, widened
 from mlscli.typing import Array, Bool, Float64, Int32, Int64, UInt64
@@ -43,7 +43,7 @@ def _on_grid(xyz: Float64, cell_size: float) -> Bool:
     return inside
 
 
-@kernel
+@inner
 def key_of(ix: int, iy: int) -> np.uint64:
     """Return the packed key of a cell."""
     return np.uint64(np.uint64(ix - LEAST) << np.uint64(32) | np.uint64(iy - LEAST))
@@ -191,7 +191,8 @@ def _within(column: Int32, start: Int64, position: Int32, reach: int, ix: Int32,
                 first += 1
             while last < len(column) and column[last] <= x + reach:
                 last += 1
-            at[first:last] = start[first:last]
+            for c in range(first, last):
+                at[c] = start[c]
         for c in range(first, last):
             while at[c] < start[c + 1] and position[at[c]] < y - reach:
                 at[c] += 1

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.typing import Array, Float64, Int32, Int64, UInt8, UInt32
 
 
@@ -102,7 +102,7 @@ def interleave(column: Array, others: Array, before: Int64, both: Array) -> None
         both[i + len(others)] = column[i]
 
 
-@kernel
+@inner
 def _later(keys: Keys, i: int, others: Keys, j: int) -> bool:
     """Tell whether patch i comes after patch j of the others."""
     if keys.ix[i] != others.ix[j]:

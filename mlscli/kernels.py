@@ -12,12 +12,13 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core import event
+from numba.extending import register_jitable
 
 from mlscli.notices import notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-SECONDS = 20
+SECONDS = 40
 """About how long all kernels take to compile, on one core."""
 
 
@@ -27,11 +28,23 @@ def kernel(function: Function) -> Function:
     It releases the interpreter's lock, and is compiled serially: threads take ranges of the work.
     """
     try:
-        compiled = njit(cache=True, nogil=True)(function)
+        compiled = njit(cache=True, nogil=True, **_NO_C)(function)
     except RuntimeError:
         _Compiling.kept = False
-        compiled = njit(nogil=True)(function)
+        compiled = njit(nogil=True, **_NO_C)(function)
     return cast("Function", compiled)
+
+
+def inner(function: Function) -> Function:
+    """Return a function that kernels call: compiled into them, as part of each.
+
+    Whoever else calls it runs it as Python.
+    """
+    return register_jitable(**_NO_C)(function)
+
+
+# Nobody calls compiled functions by their address in C.
+_NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}
 
 
 class _Compiling(event.Listener):

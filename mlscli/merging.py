@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.cells import pack
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.patches import distance, within_gap
 from mlscli.records import records_of, surface_of
 from mlscli.surface_map import MEASURED, SurfaceMap
@@ -104,7 +104,7 @@ def _added(records: Any, new: Any, gap_size: float, thickness: float) -> Array:
     return together[:size]
 
 
-@kernel
+@inner
 def _sort_cell(records: Any, begin: int, end: int) -> None:
     """Sort the patches of a cell as maps have them, by insertion: they are few."""
     for i in range(begin + 1, end):
@@ -114,7 +114,7 @@ def _sort_cell(records: Any, begin: int, end: int) -> None:
             j -= 1
 
 
-@kernel
+@inner
 def _comes_before(one: Any, other: Any) -> bool:
     if one.height != other.height:
         return bool(one.height < other.height)
@@ -125,7 +125,7 @@ def _comes_before(one: Any, other: Any) -> bool:
     return bool(one["count"] < other["count"])
 
 
-@kernel
+@inner
 def _swap(records: Any, i: int, j: int) -> None:
     both = np.empty(1, dtype=records.dtype)
     both[0] = records[i]
@@ -178,7 +178,7 @@ def _linked(
     return linked[:size], from_one[:size], from_other[:size]
 
 
-@kernel
+@inner
 def _insert(order: Int64, size: int, number: int, records: Any, others: Any) -> int:
     """Put the number of a patch where its lower end belongs; return how many these are then."""
     place = size
@@ -189,7 +189,7 @@ def _insert(order: Int64, size: int, number: int, records: Any, others: Any) -> 
     return size + 1
 
 
-@kernel
+@inner
 def _lies_below(one: int, other: int, records: Any, others: Any) -> bool:
     """Tell whether a patch is linked before another.
 
@@ -206,7 +206,7 @@ def _lies_below(one: int, other: int, records: Any, others: Any) -> bool:
     return bool(mine.mean < its.mean)
 
 
-@kernel
+@inner
 def _take_in(group: Any, patch: Any) -> None:
     """Make a group one with a patch that begins no lower (Chan's formula)."""
     points, count = float(group["count"]), float(patch["count"])
@@ -221,7 +221,7 @@ def _take_in(group: Any, patch: Any) -> None:
     group.last_keyframe = max(group.last_keyframe, patch.last_keyframe)
 
 
-@kernel
+@inner
 def _shape(groups: Any, number: int, parts: int, thickness: float) -> None:
     """Give a group of several patches its height and depth; a single one keeps its own."""
     if parts < 2:

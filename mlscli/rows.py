@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.strips import SHIFT
 from mlscli.typing import ONE, ZERO, Int64, UInt64
 
 
-@kernel
+@inner
 def copied(rows: UInt64, begin: int, size: int, target: UInt64, to: int) -> int:
     """Copy some rows to a place, and return the place after them."""
     for row in range(size):
@@ -52,7 +52,7 @@ def starts(rows: UInt64, strips: UInt64) -> Int64:
     return start
 
 
-@kernel
+@inner
 def alike(rows: UInt64, begin: int, size: int, others: UInt64, first: int, more: int) -> bool:
     """Tell whether some rows are as many as some others, and the same one by one."""
     if size != more:
@@ -63,7 +63,7 @@ def alike(rows: UInt64, begin: int, size: int, others: UInt64, first: int, more:
     return same
 
 
-@kernel
+@inner
 def _same(rows: UInt64, row: int, others: UInt64, other: int) -> bool:
     same = True
     for word in range(rows.shape[1]):
@@ -71,7 +71,7 @@ def _same(rows: UInt64, row: int, others: UInt64, other: int) -> bool:
     return same
 
 
-@kernel
+@inner
 def note_missing(
     rows: UInt64, begin: int, size: int, others: UInt64, first: int, more: int,
     missing: UInt64, noted: int,

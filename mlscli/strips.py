@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.typing import ZERO, UInt64
 
 # A strip has 2**5 cells: some more than what a batch of a sparse cloud touches of a column.
@@ -67,7 +67,7 @@ def widened(number: UInt64, bits: UInt64, reach: int) -> tuple[UInt64, UInt64]:
     return number, bits
 
 
-@kernel
+@inner
 def _spread(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
     """Return a set together with its images so far away to both sides."""
     there = _moved(number, bits, dx, dy)
@@ -76,7 +76,7 @@ def _spread(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UIn
     return _united(number, bits, both[0], both[1])
 
 
-@kernel
+@inner
 def _moved(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
     """Return the image of a set so far away, without what lies off the grid."""
     by = np.uint64(dy & (SIDE - 1))
@@ -88,7 +88,7 @@ def _moved(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt
     return _united(one[0], one[1], next_one[0], next_one[1])
 
 
-@kernel
+@inner
 def _shifted(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
     """Move strips as a whole."""
     moved, kept = np.empty_like(number), np.empty_like(bits)
@@ -103,7 +103,7 @@ def _shifted(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UI
     return moved[:size], kept[:size]
 
 
-@kernel
+@inner
 def _united(
     number: UInt64, bits: UInt64, other_number: UInt64, other_bits: UInt64
 ) -> tuple[UInt64, UInt64]:

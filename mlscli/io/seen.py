@@ -71,6 +71,7 @@ def _enter(new: UInt64, points: UInt64, slots: Int64, size: int, fresh: Bool) ->
         fresh[row] = slots[slot] == _FREE
         if fresh[row]:
             slots[slot] = size
-            points[size] = new[row]
+            for axis in range(3):
+                points[size, axis] = new[row, axis]
             size += 1
     return size

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.cells import cell_indices, on_grid
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64, Int32, Int64
 
@@ -99,7 +99,7 @@ def _ground_below(
     return ground
 
 
-@kernel
+@inner
 def _find(ix: Int32, iy: Int32, x: int, y: int) -> int:
     """Return the number of the cell at (x, y); -1: it holds nothing."""
     low, high = 0, len(ix)

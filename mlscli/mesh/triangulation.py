@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.pipeline.neighbours import shifted
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int64
@@ -117,15 +117,15 @@ def _joints(
                         z = high[other]
                         if not is_upright[other] and z - low[patch] > reach < high[patch] - z:
                             met.append(z)
-            met.sort()
+            ends = np.sort(np.array(met, dtype=np.float64))
             first = 0
-            for i in range(len(met)):
-                if i + 1 == len(met) or met[i + 1] - met[i] > reach:
+            for i in range(len(ends)):
+                if i + 1 == len(ends) or ends[i + 1] - ends[i] > reach:
                     total = 0.0
-                    for z in met[first : i + 1]:
+                    for z in ends[first : i + 1]:
                         total += z
                     patches.append(np.int64(patch))
-                    heights.append(min(max(total / (i + 1 - first), met[first]), met[i]))
+                    heights.append(min(max(total / (i + 1 - first), ends[first]), ends[i]))
                     first = i + 1
     return np.array(patches, dtype=np.int64), np.array(heights, dtype=np.float64)
 
@@ -210,7 +210,7 @@ def surface_triangles(link: Int64, height: Float64, is_joint: Bool) -> Int64:
     return triangles[:found].copy()
 
 
-@kernel
+@inner
 def _add_ring(
     triangles: Int64, found: int, a: int, link: Int64, height: Float64, is_joint: Bool
 ) -> int:
@@ -223,15 +223,13 @@ def _add_ring(
     if is_joint[a] and is_joint[b] and is_joint[c] and is_joint[d]:
         return found
     if abs(height[a] - height[c]) <= abs(height[b] - height[d]):
-        triangles[found] = (a, b, c)
-        triangles[found + 1] = (a, c, d)
-    else:
-        triangles[found] = (b, c, d)
-        triangles[found + 1] = (b, d, a)
-    return found + 2
+        found = _add(triangles, found, a, b, c)
+        return _add(triangles, found, a, c, d)
+    found = _add(triangles, found, b, c, d)
+    return _add(triangles, found, b, d, a)
 
 
-@kernel
+@inner
 def _add_chain(
     triangles: Int64,
     found: int,
@@ -261,7 +259,12 @@ def _add_chain(
     for _ in range((size - 1) // 2):
         b = link[a, side % 4]
         c = link[b, (side + 1) % 4]
-        triangles[found] = (a, b, c)
-        found += 1
+        found = _add(triangles, found, a, b, c)
         a, side = c, side + 2
     return found
+
+
+@inner
+def _add(triangles: Int64, found: int, a: int, b: int, c: int) -> int:
+    triangles[found, 0], triangles[found, 1], triangles[found, 2] = a, b, c
+    return found + 1

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.mesh.triangulation import NONE, Nodes
 from mlscli.pipeline.neighbours import shifted
 from mlscli.surface_map import SurfaceMap
@@ -148,12 +148,12 @@ def _joined(
             if ends[k, side + 1] - high > reach:
                 ends[k, side + 1] = max(high, ends[k, side])
     found = np.empty((len(pairs), 2), dtype=np.int64)
-    for k, pair in enumerate(pairs):
-        found[k] = pair
+    for k in range(len(pairs)):
+        found[k, 0], found[k, 1] = pairs[k]
     return found, ends
 
 
-@kernel
+@inner
 def _leads_round(
     uprights: _Uprights, one: int, other: int, round_corner: Int64, reach: float
 ) -> bool:
@@ -169,7 +169,7 @@ def _leads_round(
     return False
 
 
-@kernel
+@inner
 def _space(uprights: _Uprights, one: int, other: int) -> float:
     """Return how far apart two vertical patches are; below 0: by how much they overlap."""
     low = max(uprights.low[one], uprights.low[other])
@@ -239,12 +239,12 @@ def _climb(lines: _Lines, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
                 covered[j] = True
                 j += 1
     found = np.empty((len(triangles), 3), dtype=np.int64)
-    for k, triangle in enumerate(triangles):
-        found[k] = triangle
+    for k in range(len(triangles)):
+        found[k, 0], found[k, 1], found[k, 2] = triangles[k]
     return found, covered
 
 
-@kernel
+@inner
 def _at(lines: _Lines, line: int, height: float) -> int:
     """Return the position of the vertex of a line that is nearest to a height."""
     begin, end = lines.start[line], lines.start[line + 1]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.cells import CellSet, key_of
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.keyframes import Points
 from mlscli.pipeline.ordering import cells_of
 from mlscli.pipeline.pipeline import Pipeline
@@ -161,7 +161,7 @@ def _asked(rows: UInt64, floats: Float64, changed: UInt64, places: Float64, reac
     return asked
 
 
-@kernel
+@inner
 def _first_from(rows: UInt64, cell: np.uint64) -> int:
     """Return the first row that does not come before a cell."""
     begin, end = 0, len(rows)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlscli.file_order import Columns
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.parameters import Cells, Length, comparable, in_units, parameter, whole_cells
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import is_at, links, onward
@@ -220,14 +220,14 @@ def _pairs(
     return pairs[:n].copy()
 
 
-@kernel
+@inner
 def _limit(tolerance: Tolerance, d: int) -> float:
     """Return how far apart two intervals may be, d cells from each other."""
     reach = min(d, tolerance.trusted)
     return tolerance.slope * reach * tolerance.cell_size + tolerance.clearance
 
 
-@kernel
+@inner
 def _opposite(
     cell: int,
     i: int,
@@ -288,7 +288,7 @@ def _fill(
     return in_line, at, height, low_end, width
 
 
-@kernel
+@inner
 def between(near: float, far: float, k: int, d: int) -> float:
     """Return the height k of d steps along the line from near to far; the same read backwards."""
     height = (near * (d - k) + far * k) / d

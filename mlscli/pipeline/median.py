@@ -24,7 +24,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.keyframes import Points
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.pipeline.point_grid import PointGrid, columns_around, gather
@@ -136,7 +136,7 @@ def _filter(
                     )  # fmt: skip
 
 
-@kernel
+@inner
 def _filter_together(
     grid: PointGrid,
     around: Int64,
@@ -197,7 +197,7 @@ def _filter_together(
     return near, reaches / several if several else reached
 
 
-@kernel
+@inner
 def _any_asked(asked: Bool, order: Array, first: int, last: int) -> bool:
     """Tell whether any of some successive points is asked for."""
     if not len(asked):
@@ -208,7 +208,7 @@ def _any_asked(asked: Bool, order: Array, first: int, last: int) -> bool:
     return some
 
 
-@kernel
+@inner
 def _neighbours(
     grid: PointGrid,
     around: Int64,
@@ -241,7 +241,7 @@ def _neighbours(
         near, size, own, _ = gather(grid, around, (i, i + 1), (z, z), min(distance, radius), near)
 
 
-@kernel
+@inner
 def _measure(near: Float64, size: int, x: float, y: float, z: float) -> None:
     """Note squared distances from (x, y, z)."""
     xs, ys, zs, squared = near[0], near[1], near[2], near[_SQUARED]
@@ -250,7 +250,7 @@ def _measure(near: Float64, size: int, x: float, y: float, z: float) -> None:
         squared[j] = (dx * dx + dy * dy) + dz * dz
 
 
-@kernel
+@inner
 def _nearest(near: Float64, size: int, limit: float, max_nb: int) -> tuple[int, float]:
     """Note the heights of the points whose squared distance is at most a limit.
 
@@ -287,7 +287,7 @@ def _nearest(near: Float64, size: int, limit: float, max_nb: int) -> tuple[int, 
     return n, limit
 
 
-@kernel
+@inner
 def _within(squared: Float64, size: int, limit: float) -> int:
     """Count the points whose squared distance is at most a limit."""
     n = 0
@@ -296,7 +296,7 @@ def _within(squared: Float64, size: int, limit: float) -> int:
     return n
 
 
-@kernel
+@inner
 def _middle(heights: Float64, others: Float64, n: int) -> float:
     """Return the element at index ``n // 2`` of the first n heights, if they were sorted."""
     if n > _FEW:
@@ -310,7 +310,7 @@ def _middle(heights: Float64, others: Float64, n: int) -> float:
     return float(heights[n // 2])
 
 
-@kernel
+@inner
 def _nth(values: Float64, others: Float64, n: int, nth: int) -> float:
     """Return the element at index `nth` of the first n values, if they were sorted.
 

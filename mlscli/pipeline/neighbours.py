@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.typing import Int32, Int64
 
 Index = int | np.int64
@@ -29,14 +29,14 @@ def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
     return found
 
 
-@kernel
+@inner
 def is_at(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> bool:
     """Tell whether a cell, which may be none, is the one at (x, y)."""
     # Of four comparisons one by one each would be a branch.
     return bool((cell >= 0) & (cell < len(ix)) and (ix[cell] == x) & (iy[cell] == y))
 
 
-@kernel
+@inner
 def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
     """Return the first cell, from one on, that does not come before (x, y)."""
     while cell < len(ix) and (ix[cell] < x or (ix[cell] == x and iy[cell] < y)):
@@ -44,7 +44,7 @@ def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
     return cell
 
 
-@kernel
+@inner
 def place(ix: Int32, iy: Int32, x: Index, y: Index) -> int:
     """Return the first cell of all that does not come before (x, y)."""
     begin, end = 0, len(ix)
@@ -57,7 +57,7 @@ def place(ix: Int32, iy: Int32, x: Index, y: Index) -> int:
     return begin
 
 
-@kernel
+@inner
 def beside(ix: Int32, iy: Int32) -> Int64:
     """Return for each cell the numbers of the four that share an edge with it, (C, 4); -1: none."""
     four = np.empty((len(ix), 4), dtype=np.int64)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.file_order import Columns
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Array, Float64, Int32, Int64, UInt64
 
@@ -141,7 +141,7 @@ def _order_strips(
     return cell_x[:cells].copy(), cell_y[:cells].copy(), starts[:cells].copy()
 
 
-@kernel
+@inner
 def _packed(x: Int32, y: Int32, z: Float64) -> tuple[UInt64, int]:
     """Return keys that ascend with (x, y), and by how many bits a cell is shifted in them.
 
@@ -164,7 +164,7 @@ def _packed(x: Int32, y: Int32, z: Float64) -> tuple[UInt64, int]:
     return keys, shift
 
 
-@kernel
+@inner
 def _bits(value: int) -> int:
     """Return how many bits a number needs."""
     bits = 0
@@ -173,7 +173,7 @@ def _bits(value: int) -> int:
     return bits
 
 
-@kernel
+@inner
 def _sorted(keys: UInt64, order: Array) -> tuple[UInt64, Array]:
     """Return keys in ascending order and the numbers that go with them; equal keys keep theirs.
 
@@ -206,7 +206,7 @@ def _sorted(keys: UInt64, order: Array) -> tuple[UInt64, Array]:
     return keys, order
 
 
-@kernel
+@inner
 def _starts(keys: UInt64, below: np.uint64, begin: int) -> Int64:
     """Return where runs of keys that are equal above some bits begin, and the end of the last."""
     start = np.empty(len(keys) + 1, dtype=np.int64)
@@ -219,7 +219,7 @@ def _starts(keys: UInt64, below: np.uint64, begin: int) -> Int64:
     return start[: runs + 1]
 
 
-@kernel
+@inner
 def _ascend(start: Int64, order: Array, heights: Float64) -> None:
     """Order the points of some runs by height."""
     for run in range(len(start) - 1):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.cells import pack
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.pipeline.ordering import cells_of, order_by_cell
 from mlscli.threads import in_ranges
 from mlscli.typing import Array, Float64, Int64, UInt64
@@ -102,7 +102,7 @@ def _divided(start: Int64) -> tuple[Int64, Int64]:
     return divisions, first
 
 
-@kernel
+@inner
 def corner(key: int, side: float) -> tuple[float, float]:
     """Return the least x and y of a column."""
     ix = np.int64(key >> np.uint64(32)) - 2**31
@@ -110,7 +110,7 @@ def corner(key: int, side: float) -> tuple[float, float]:
     return ix * side, iy * side
 
 
-@kernel
+@inner
 def part(offset: float, side: float, divisions: int) -> int:
     """Return in which part of a column's side an offset from its corner lies."""
     return min(max(int(offset * divisions / side), 0), divisions - 1)
@@ -142,7 +142,7 @@ def _divide(grid: PointGrid, begin: int, end: int, by_height: Array, xyz: Float6
                 grid.xyz[there, axis] = xyz[point, axis]
 
 
-@kernel
+@inner
 def columns_around(grid: PointGrid, column: int, around: Int64) -> int:
     """Note the columns that touch a column, and itself; return how many these are."""
     size = 0
@@ -157,7 +157,7 @@ def columns_around(grid: PointGrid, column: int, around: Int64) -> int:
     return size
 
 
-@kernel
+@inner
 def gather(
     grid: PointGrid,
     around: Int64,
@@ -228,7 +228,7 @@ def gather(
     return near, size, own, cut
 
 
-@kernel
+@inner
 def _wider(buffer: Float64, size: int) -> Float64:
     wider = np.empty((buffer.shape[0], size))
     for row in range(buffer.shape[0]):
@@ -237,7 +237,7 @@ def _wider(buffer: Float64, size: int) -> Float64:
     return wider
 
 
-@kernel
+@inner
 def _first_from(xyz: Float64, begin: int, end: int, z: float) -> int:
     """Return the first of some points, which ascend by height, that is not below z."""
     while begin < end:

@@ -20,7 +20,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.parameters import Length, comparable, in_units, parameter
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import is_at, onward, place
@@ -153,7 +153,7 @@ def _lower(
     return moved
 
 
-@kernel
+@inner
 def _meets_another(
     i: int,
     begin: int,

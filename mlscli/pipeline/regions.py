@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.parameters import Cells, Length, in_units, parameter
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import beside
@@ -62,7 +62,7 @@ class Regions(MapStage):
         return surface.with_columns(region=_numbered(region))
 
 
-@kernel
+@inner
 def _root(parent: Int64, i: int) -> int:
     while parent[i] != i:
         parent[i] = parent[parent[i]]

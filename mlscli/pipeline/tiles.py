@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.cells import CellSet
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.patches import runs
 from mlscli.rows import alike, copied, merged, note_missing, starts
 from mlscli.strips import SHIFT, SIDE, WIDTH, Strips
@@ -209,20 +209,20 @@ def _by_tile(strips: Strips) -> Iterator[tuple[int, slice | Int64]]:
     yield from zip(tiles[order[start[:-1]]].tolist(), np.split(order, start[1:-1]), strict=True)
 
 
-@kernel
+@inner
 def _run(runs: Array, strip: int, cell: int) -> tuple[int, int]:
     """Return where the rows of a cell begin, and how many they are."""
     return np.int64(runs[strip, cell, 0]), np.int64(runs[strip, cell, 1])  # type: ignore[return-value]
 
 
-@kernel
+@inner
 def _tile_of(strip: Number) -> Number:
     """Return the number of the tile in which a strip lies: 32 bits for x, the others for y."""
     x, y = strip >> np.uint64(WIDTH), strip & np.uint64(2**WIDTH - 1)
     return x >> np.uint64(TILE) << np.uint64(32) | y >> np.uint64(TILE - SHIFT)
 
 
-@kernel
+@inner
 def _place_of(strip: Number) -> Any:
     """Return which of its tile's strips a strip is."""
     x, y = strip >> np.uint64(WIDTH), strip & np.uint64(2**WIDTH - 1)
@@ -259,7 +259,7 @@ def _strips_in(number: int, place: Array) -> UInt64:
     return numbers[:size]
 
 
-@kernel
+@inner
 def _has(bits: Number, cell: int) -> bool:
     return bool(bits >> np.uint64(cell) & np.uint64(1) == 1)
 

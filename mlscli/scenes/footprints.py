@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.scenes.surfaces import Surface, edges
 from mlscli.typing import Array, Bool, Float64, Int64
 
@@ -170,7 +170,7 @@ def _clip_flat(
     return where[0], where[1], where[2], values[0], values[1], values[2], values[3], values[4]
 
 
-@kernel
+@inner
 def _cells_of(
     corner: Float64, along: Float64, across: Float64, cell_size: float
 ) -> tuple[int, int, int, int]:
@@ -187,7 +187,7 @@ def _cells_of(
     )
 
 
-@kernel
+@inner
 def _corners(corner: Float64, along: Float64, across: Float64, polygon: Float64) -> int:
     """Note the corners of a rectangle, and return how many they are.
 
@@ -201,7 +201,7 @@ def _corners(corner: Float64, along: Float64, across: Float64, polygon: Float64)
     return 4
 
 
-@kernel
+@inner
 def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, result: Float64) -> int:
     """Keep of a convex polygon what is beyond an edge, or, with sign -1, on this side of it."""
     kept = 0
@@ -222,7 +222,7 @@ def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, resu
     return kept
 
 
-@kernel
+@inner
 def _heights(polygon: Float64, sides: int) -> tuple[float, float, float]:
     """Return the area seen from above, and mean and variance of the heights over it."""
     area = first = second = 0.0

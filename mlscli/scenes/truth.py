@@ -213,7 +213,10 @@ def _stretches(
     ends = np.empty((3, 2 * len(low)))
     for g in range(len(start) - 1):
         begin, end = start[g], start[g + 1]
-        marks = np.sort(np.append(low[begin:end], high[begin:end]))
+        marks = np.empty(2 * (end - begin))
+        for i in range(begin, end):
+            marks[2 * (i - begin)], marks[2 * (i - begin) + 1] = low[i], high[i]
+        marks = np.sort(marks)
         reaches = False
         for m in range(len(marks) - 1):
             bottom, top = marks[m], marks[m + 1]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.scenes.surfaces import Scene, edges
 from mlscli.threads import in_ranges
 from mlscli.typing import Float64, Int32, Int64
@@ -192,7 +192,7 @@ def _first_seen(
     return first
 
 
-@kernel
+@inner
 def _hidden(camera: Float64, dx: float, dy: float, dz: float, own: int, walls: Any) -> bool:
     """Tell whether a surface other than the point's own stands in the way."""
     squares = walls.squares
@@ -221,7 +221,7 @@ def _hidden(camera: Float64, dx: float, dy: float, dz: float, own: int, walls: A
     return False
 
 
-@kernel
+@inner
 def _meets(camera: Float64, dx: float, dy: float, dz: float, wall: int, walls: Any) -> bool:
     """Tell whether the way from the camera goes through a surface, not through an opening."""
     normal, corner = walls.normal[wall], walls.corner[wall]

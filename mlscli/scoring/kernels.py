@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
+from mlscli.kernels import inner, kernel
 from mlscli.patches import distance
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int32, Int64
@@ -55,7 +55,7 @@ def nearby(ix: Int32, iy: Int32, other_ix: Int32, other_iy: Int32, reach: int) -
     return near
 
 
-@kernel
+@inner
 def _first_from(start: int, ix: Int32, iy: Int32, x: int, y: int) -> int:
     """Return the first patch, from `start` on, whose cell does not come before (x, y)."""
     i = start
@@ -80,7 +80,7 @@ def covered(
     return result
 
 
-@kernel
+@inner
 def _is_covered(
     low: float, high: float, near: Int64, other_low: Float64, other_high: Float64, margin: float
 ) -> bool:
@@ -175,7 +175,7 @@ def match(
     return matched
 
 
-@kernel
+@inner
 def _nearest_free(begin: int, end: int, height: Float64, matched: Int64, z: float) -> int:
     """Return the patch of ``begin`` to ``end`` nearest to z that has no match; -1: none."""
     free = -1

@@ -30,7 +30,8 @@ def _decompress(data: UInt8, out: UInt8) -> int:
         read += 1
         if control < 32:
             length = min(control + 1, len(data) - read, len(out) - written)
-            out[written : written + length] = data[read : read + length]
+            for k in range(length):
+                out[written + k] = data[read + k]
             read += length
         else:
             length = control >> 5
