@@ -9,13 +9,14 @@ topic                type                    content
 ``/mls/artificial``  visualization_msgs/Marker what of both is artificial
 ``/mls/route``       nav_msgs/Path           where the craft was so far
 ``/tf``              tf2_msgs/TFMessage      map frame -> mls_craft, at every keyframe
-``/tf_static``       tf2_msgs/TFMessage      map frame -> mls_map, once
+``/tf_static``       tf2_msgs/TFMessage      map frame -> mls_map, always the same
 ==================== ======================= ===================================================
 
 Each message holds the whole state: whoever jumps to a time sees the map of that time, and who
-listens late is told the last (all topics but ``/tf`` are offered as transient local). So that the
-file grows with what changes, and not with the batches times the map, a state is written when a
-share of the map has changed since the last; the finished map comes at the end.
+listens late is told the last (all topics but ``/tf`` are offered as transient local). The frame of
+the map is told with every state, for ``ros2 bag play --start-offset`` leaves out all that came
+before. So that the file grows with what changes, and not with the batches times the map, a state
+is written when a share of the map has changed since the last; the finished map comes at the end.
 
 RViz draws clouds in float32 alone. The map is told in a frame of its own, `mls_map`, whose origin
 is a cell near the map, so that nothing is lost far from the origin of the map frame; beside the
@@ -82,13 +83,14 @@ PATCH = np.dtype(
 # A state is written once this share of its patches has come or gone since the last.
 SHARE = 1 / 16
 
-# The frame of the map begins at a cell whose indices are multiples of this.
-_ROUND = 1000
+# The frame of the map begins a multiple of so many cells from that of the map frame, along each
+# axis: viewers begin at the origin of a frame, and should have the map in sight from there.
+_ROUND = 10
 
 # A keyframe whose time is not known, or that no clock of ROS can show, comes so much later (ns)
-# than the one before.
+# than the one before. None is at 0: to ROS, that is a clock not set yet.
 _INTERVAL = 10**8
-_LATEST = 2**31 - 1
+_EARLIEST, _LATEST = 1, (2**31 - 1) * 10**9
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
@@ -187,29 +189,29 @@ class Replay:
 
     def _stamp(self, time: float) -> int:
         """Return the time (ns) of the next keyframe, never before the one before it."""
-        is_known = 0 <= time <= _LATEST
+        is_known = 0 <= time * 10**9 <= _LATEST
         if not self._stamps:
             self._has_clock = is_known
-            return nanoseconds(time) if is_known else 0
-        before = self._stamps[-1]
+        before = self._stamps[-1] if self._stamps else 0
         if self._has_clock and is_known:
-            return max(before, nanoseconds(time))
-        return min(before + _INTERVAL, _LATEST * 10**9)
+            return max(before, nanoseconds(time), _EARLIEST)
+        return min(before + _INTERVAL, _LATEST)
 
     def _write(self, surface: SurfaceMap) -> None:
         """Write a state of the map at the time of the latest keyframe, and the way until there."""
         self._changed = 0
+        stamps = self._stamps or [_INTERVAL]
         if self._origin is None:
             self._origin = _near(surface)
-            first = self._stamps[0] if self._stamps else 0
-            self._transform(TF_STATIC, first, surface.frame_id, MAP, self._origin)
+            self._transform(TF_STATIC, stamps[0], surface.frame_id, MAP, self._origin)
         position = np.concatenate(self._positions)
         self._positions = [position]
         known = np.flatnonzero(np.isfinite(position).all(axis=1))
         for row in known[known >= self._told]:
             self._transform(TF, self._stamps[row], surface.frame_id, CRAFT, position[row])
         self._told = len(position)
-        stamp = self._stamps[-1] if self._stamps else 0
+        stamp = stamps[-1]
+        self._transform(TF_STATIC, stamp, surface.frame_id, MAP, self._origin)
         self._bag.cloud(PATCHES, stamp, MAP, _records(surface, self._origin))
         mesh = build_mesh(replace(surface, route=surface.route[:0]))
         vertices = mesh.vertices - self._origin
@@ -226,9 +228,8 @@ def _near(surface: SurfaceMap) -> Float64:
     """Return a place near a map, a round number of cells from its origin."""
     if not surface.size:
         return np.zeros(3)
-    cell = _ROUND * np.rint(np.median((surface.ix, surface.iy), axis=1) / _ROUND)
-    height = _ROUND * np.rint(np.median(surface.height) / _ROUND)
-    place: Float64 = np.array([*(cell * surface.cell_size), height]) + 0.0
+    step = _ROUND * surface.cell_size
+    place: Float64 = step * np.rint(np.median(patch_places(surface), axis=0) / step) + 0.0
     return place
 
 

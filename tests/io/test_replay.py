@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import weakref
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -126,10 +126,14 @@ def assert_patches(cloud: Any, surface: SurfaceMap, origin: Float64) -> None:
 
 
 def origin_of(told: dict[str, list[Told]]) -> Float64:
-    (message,) = told["/tf_static"]
-    (transform,) = message.content.transforms
-    assert (transform.header.frame_id, transform.child_frame_id) == ("map", "mls_map")
-    return xyz(transform.transform.translation)
+    """Return where the frame of the patches is, which never moves."""
+    places = set()
+    for message in told["/tf_static"]:
+        (transform,) = message.content.transforms
+        assert (transform.header.frame_id, transform.child_frame_id) == ("map", "mls_map")
+        places.add(tuple(xyz(transform.transform.translation).tolist()))
+    (place,) = places
+    return np.array(place)
 
 
 def xyz(vector: Any) -> Float64:
@@ -168,7 +172,7 @@ def patch_by_patch() -> SurfaceMap:
     surface = a_map(*plane(15, 14))
     first = np.random.default_rng(1).permutation(surface.size).astype(np.int32)
     route = np.zeros((surface.size, 4))
-    route[:, 0] = np.arange(surface.size)
+    route[:, 0] = np.arange(surface.size) + 1
     return replace(surface, first_keyframe=first, last_keyframe=first, route=route)
 
 
@@ -176,12 +180,10 @@ def test_no_state_is_more_than_a_sixteenth_of_the_map_behind(tmp_path: Path) -> 
     surface = patch_by_patch()
     write_replay(tmp_path / "a.mcap", surface, growth(surface))
     clouds = with_mcap(tmp_path / "a.mcap")["/mls/patches"]
-    assert [cloud.content.width for cloud in clouds] == [
-        cloud.time // 10**9 + 1 for cloud in clouds
-    ]
-    for keyframe in range(surface.size):
-        told = max(cloud.content.width for cloud in clouds if cloud.time <= keyframe * 10**9)
-        assert keyframe + 1 - told < (keyframe + 1) / 16
+    assert [cloud.content.width for cloud in clouds] == [cloud.time // 10**9 for cloud in clouds]
+    for seen in range(1, surface.size + 1):
+        told = max(cloud.content.width for cloud in clouds if cloud.time <= seen * 10**9)
+        assert seen - told < seen / 16
     # Nor is the file as large as all states.
     assert len(clouds) < surface.size / 2
 
@@ -192,7 +194,7 @@ def test_what_comes_late_of_earlier_keyframes_does_not_turn_time_back(tmp_path: 
     late[0] = replace(late[0], route=surface.route)
     write_replay(tmp_path / "a.mcap", surface, late)
     told = with_mcap(tmp_path / "a.mcap")
-    assert {cloud.time for cloud in told["/mls/patches"]} == {(surface.size - 1) * 10**9}
+    assert {cloud.time for cloud in told["/mls/patches"]} == {surface.size * 10**9}
     assert [message.time for message in told["/tf"]] == (surface.route[:, 0] * 10**9).tolist()
 
 
@@ -210,7 +212,8 @@ def test_what_is_told_goes_to_the_file_and_is_not_held(tmp_path: Path) -> None:
         assert [alive for alive in held if alive() is not None] == []
         assert len(set(written)) > 3
         replay.finish(surface)
-    assert_patches(with_mcap(tmp_path / "a.mcap")["/mls/patches"][-1].content, surface, np.zeros(3))
+    told = with_mcap(tmp_path / "a.mcap")
+    assert_patches(told["/mls/patches"][-1].content, surface, origin_of(told))
 
 
 def test_a_build_that_fails_leaves_no_replay(tmp_path: Path) -> None:
@@ -277,6 +280,21 @@ def test_all_but_tf_is_told_also_to_those_who_listen_late(tmp_path: Path) -> Non
     assert lasting == TYPES.keys() - {"/tf"}
 
 
+def test_who_plays_from_any_time_on_is_told_the_frame_before_what_is_in_it(
+    tmp_path: Path, flight: Flight
+) -> None:
+    surface, changes = grown(flight.keyframes)
+    write_replay(tmp_path / "a.mcap", surface, changes)
+    told = []
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            told.append((message.log_time, channel.topic))
+    assert told[0] == (flight.keyframes[0].stamp * 10**9, "/tf_static")
+    for start in sorted({time for time, topic in told if topic == "/mls/patches"}):
+        after = [topic for time, topic in told if time >= start and topic != "/tf"]
+        assert after[0] == "/tf_static"
+
+
 @READERS
 def test_the_route_and_the_craft_are_where_they_were(
     tmp_path: Path, flight: Flight, read: Any
@@ -317,14 +335,31 @@ def test_times_are_those_of_the_recording(tmp_path: Path, flight: Flight, read: 
 def test_a_keyframe_without_a_time_that_ros_can_tell_comes_a_tenth_of_a_second_later(
     tmp_path: Path, stamp: float
 ) -> None:
-    for row, times in ((2, [0, 10, 11, 30, 40, 50, 60]), (0, [0, 1, 2, 3, 4, 5, 6])):
+    for row, times in ((2, [5, 15, 16, 35, 45, 55, 65]), (0, [1, 2, 3, 4, 5, 6, 7])):
         surface = house()
         route = surface.route.copy()
+        route[:, 0] += 0.5
         route[row, 0] = stamp
         surface = replace(surface, route=route)
         write_replay(tmp_path / "a.mcap", surface, growth(surface), overwrite=True)
         told = [message.time for message in with_mcap(tmp_path / "a.mcap")["/tf"]]
         assert told == [time * 10**8 for time in times]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "last"), [([], 10**8), ([np.nan] * 7, 7 * 10**8), (range(7), 6 * 10**9)]
+)
+def test_nothing_is_at_0_which_is_no_time_to_ros(
+    tmp_path: Path, stamps: Sequence[float], last: int
+) -> None:
+    surface = house()
+    route = surface.route[: len(stamps)].copy()
+    route[:, 0] = stamps
+    surface = replace(surface, route=route)
+    write_replay(tmp_path / "a.mcap", surface, growth(surface))
+    times = [told.time for messages in with_mcap(tmp_path / "a.mcap").values() for told in messages]
+    assert 0 < min(times) <= 10**8
+    assert max(times) == last
 
 
 def test_times_that_run_back_never_do_in_the_file(tmp_path: Path, flight: Flight) -> None:
@@ -343,6 +378,24 @@ def test_far_from_the_origin_nothing_is_lost(tmp_path: Path) -> None:
     write_replay(tmp_path / "a.mcap", far, growth(far))
     told = with_rosbags(tmp_path / "a.mcap")
     assert_patches(told["/mls/patches"][-1].content, far, origin_of(told))
+
+
+@pytest.mark.parametrize("cells", [(0, 0, 0), (1_811_000, 20_085_160, 0), (-70, 260, 1528)])
+def test_the_origin_of_what_is_drawn_is_in_sight_of_the_map(
+    tmp_path: Path, cells: tuple[int, int, int]
+) -> None:
+    east, north, up = cells
+    surface = house()
+    size = surface.cell_size
+    height = surface.height + up * size
+    surface = replace(surface, ix=surface.ix + east, iy=surface.iy + north, height=height)
+    write_replay(tmp_path / "a.mcap", surface, growth(surface))
+    told = with_mcap(tmp_path / "a.mcap")
+    points = records(told["/mls/patches"][0].content)
+    middle = np.array([np.median(points[axis]) for axis in "xyz"])
+    assert np.abs(middle).max() < 10 * size
+    # Whole cells from that of the map frame, so that cells begin at round coordinates in both.
+    assert origin_of(told) / size == pytest.approx(np.rint(origin_of(told) / size), abs=1e-6)
 
 
 def test_what_is_done_in_the_end_is_in_the_last_state(tmp_path: Path, flight: Flight) -> None:
