@@ -203,7 +203,8 @@ def test_colours_stand_for_what_is_chosen(page: Browser) -> None:
     assert reddish(by_origin) == pytest.approx(red, rel=0.05)
     for _ in range(4):
         page.key("c")
-    assert (page.picture() == by_height).all()
+    # But for a row of pixels where two triangles meet, which the renderer gives to either.
+    assert (page.picture() != by_height).any(axis=2).mean() < 1e-3 < (by_time != by_height).mean()
     assert hue(by_height, west) == hue(by_height, east) == "blue"
     assert page.errors == []
 
