@@ -1,4 +1,4 @@
-"""Speed, topic by topic: ``python -m benchmarks.run`` (ten minutes; ``--topic`` chooses).
+"""Speed, topic by topic: ``python -m benchmarks.run`` (five minutes; ``--topic`` chooses).
 
 Each topic is a table of its own: what the program does, and in the same run, in turns, what a user
 would pick instead; figures are medians. The machine's own limits come first. A level is a ratio

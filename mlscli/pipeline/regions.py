@@ -91,8 +91,10 @@ def _grow(ix: Int32, iy: Int32, start: Int64, height: Float64, thresh: float) ->
 
 def _numbered(first: Int64) -> Int32:
     """Return region numbers from 0, in the order of the regions' first patches."""
-    _, number = np.unique(first, return_inverse=True)
-    return number.astype(np.int32)
+    is_first = np.zeros(first.max(initial=-1) + 1, dtype=np.bool_)
+    is_first[first] = True
+    number = np.cumsum(is_first) - 1
+    return number[first].astype(np.int32)
 
 
 @kernel
