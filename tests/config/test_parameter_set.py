@@ -13,18 +13,7 @@ from mlscli.errors import ConfigError
 from mlscli.parameters import Cells
 from mlscli.pipeline.median import Median
 from mlscli.pipeline.pyramids import Pyramids
-
-
-def faults_of(text: str, sets: tuple[str, ...] = ()) -> tuple[str, ...]:
-    with pytest.raises(ConfigError) as caught:
-        loads(text, "p.yaml", sets)
-    return caught.value.faults
-
-
-def only_fault_of(text: str, sets: tuple[str, ...] = ()) -> str:
-    (fault,) = faults_of(text, sets)
-    assert "\n" not in fault
-    return fault
+from tests.faults import only_fault_of
 
 
 def test_a_python_default_that_another_parameter_decides_takes_its_value() -> None:

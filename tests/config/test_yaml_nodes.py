@@ -17,18 +17,7 @@ from hypothesis import strategies as st
 from mlscli.config import loads, to_yaml
 from mlscli.errors import ConfigError
 from mlscli.parameters import Cells
-
-
-def faults_of(text: str, sets: tuple[str, ...] = ()) -> tuple[str, ...]:
-    with pytest.raises(ConfigError) as caught:
-        loads(text, "p.yaml", sets)
-    return caught.value.faults
-
-
-def only_fault_of(text: str, sets: tuple[str, ...] = ()) -> str:
-    (fault,) = faults_of(text, sets)
-    assert "\n" not in fault
-    return fault
+from tests.faults import faults_of, only_fault_of
 
 
 @pytest.mark.parametrize(
