@@ -14,28 +14,10 @@ import numpy as np
 import pytest
 
 from mlscli.errors import UsageError
-from mlscli.io.recording import Recording, open_recording
+from mlscli.io.recording import open_recording
 from tests.bags import Sent, write_bag
-
-
-@pytest.fixture
-def timed(tmp_path: Path) -> Path:
-    """Return a text of six keyframes, one point each, half a second apart."""
-    path = tmp_path / "timed.txt"
-    path.write_text(
-        "x,y,z,keyframe,t\n" + "".join(f"{k},0,0,{k},{100 + k / 2}\n" for k in range(6))
-    )
-    return path
-
-
-def xs(recording: Recording) -> list[float]:
-    return [x for keyframe in recording.keyframes() for x in keyframe.points[:, 0].tolist()]
-
-
-def text(tmp_path: Path, content: str, name: str = "cloud.txt") -> Path:
-    path = tmp_path / name
-    path.write_text(content)
-    return path
+from tests.keyframes import xs
+from tests.texts import text
 
 
 @pytest.mark.parametrize(

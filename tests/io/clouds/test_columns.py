@@ -12,25 +12,8 @@ from pathlib import Path
 import pytest
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io.base import Cloud
 from mlscli.io.clouds import columns as columns_module
-from mlscli.io.clouds.text import TextCloud
-
-
-def read(tmp_path: Path, content: str | bytes, columns: str | None = None) -> list[Cloud]:
-    path = tmp_path / "cloud.txt"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return list(TextCloud(path, columns).clouds())
-
-
-def clouds_of(tmp_path: Path, content: str | bytes, columns: str | None = None) -> list[object]:
-    return [cloud.points.tolist() for cloud in read(tmp_path, content, columns)]
-
-
-def one_cloud(tmp_path: Path, content: str | bytes, columns: str | None = None) -> object:
-    clouds = clouds_of(tmp_path, content, columns)
-    assert len(clouds) == 1
-    return clouds[0]
+from tests.texts import clouds_of, one_cloud, read
 
 
 @pytest.mark.parametrize(

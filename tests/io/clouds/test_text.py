@@ -20,27 +20,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mlscli.errors import InputError
-from mlscli.io.base import Cloud
 from mlscli.io.clouds import columns as columns_module
 from mlscli.io.clouds.text import TextCloud
+from tests.texts import clouds_of, one_cloud, read, text
 
 TELLO_COLUMNS = "x,y,z,-,-,-,-,keyframe,cx,cy,cz"
-
-
-def read(tmp_path: Path, content: str | bytes, columns: str | None = None) -> list[Cloud]:
-    path = tmp_path / "cloud.txt"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return list(TextCloud(path, columns).clouds())
-
-
-def clouds_of(tmp_path: Path, content: str | bytes, columns: str | None = None) -> list[object]:
-    return [cloud.points.tolist() for cloud in read(tmp_path, content, columns)]
-
-
-def one_cloud(tmp_path: Path, content: str | bytes, columns: str | None = None) -> object:
-    clouds = clouds_of(tmp_path, content, columns)
-    assert len(clouds) == 1
-    return clouds[0]
 
 
 # Real files
@@ -190,9 +174,7 @@ def test_a_fourth_column_of_anything_else_is_not_used_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str, block: int
 ) -> None:
     monkeypatch.setattr(columns_module, "BLOCK", block)
-    path = tmp_path / "cloud.txt"
-    path.write_text(f"1 0 0 9\n2 0 0 4\n3 0 0 {last}\n")
-    cloud = TextCloud(path)
+    cloud = TextCloud(text(tmp_path, f"1 0 0 9\n2 0 0 4\n3 0 0 {last}\n"))
 
     assert [c.points.tolist() for c in cloud.clouds()] == [[[1, 0, 0], [2, 0, 0], [3, 0, 0]]]
     (note,) = cloud.notes
@@ -201,9 +183,7 @@ def test_a_fourth_column_of_anything_else_is_not_used_and_told(
 
 
 def test_columns_after_the_fourth_make_none_a_keyframe_and_are_told(tmp_path: Path) -> None:
-    path = tmp_path / "cloud.txt"
-    path.write_text("1 0 0 9 1\n2 0 0 4 1\n")
-    cloud = TextCloud(path)
+    cloud = TextCloud(text(tmp_path, "1 0 0 9 1\n2 0 0 4 1\n"))
 
     assert cloud.expected_keyframes == 1
     assert ["2 columns after x, y, z" in note for note in cloud.notes] == [True]
@@ -229,9 +209,7 @@ def test_points_of_one_time_are_a_keyframe_where_no_column_tells(tmp_path: Path)
 
 
 def test_times_that_each_point_has_for_itself_tell_no_keyframes(tmp_path: Path) -> None:
-    path = tmp_path / "cloud.txt"
-    path.write_text("1 0 0 7.1\n2 0 0 7.2\n\n3 0 0 7.3\n")
-    cloud = TextCloud(path, "x,y,z,t")
+    cloud = TextCloud(text(tmp_path, "1 0 0 7.1\n2 0 0 7.2\n\n3 0 0 7.3\n"), "x,y,z,t")
 
     assert [len(each.points) for each in cloud.clouds()] == [2, 1]
     assert ["a time of their own" in note for note in cloud.notes] == [True]

@@ -14,12 +14,11 @@ import pytest
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.trajectory import Trajectory, is_trajectory, read_trajectory
+from tests.texts import text
 
 
 def read(tmp_path: Path, content: str | bytes) -> Trajectory:
-    path = tmp_path / "traj.txt"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return read_trajectory(path)
+    return read_trajectory(text(tmp_path, content, "traj.txt"))
 
 
 @pytest.mark.parametrize(
