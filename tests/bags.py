@@ -132,12 +132,22 @@ def write_told(path: Path, messages: Iterable[Told], kind: str = "ros1") -> Path
     store = STORES["ros1" if is_ros1 else "cdr"]
     plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
     writer: Any = Writer1(path) if is_ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    serialize = store.serialize_ros1 if is_ros1 else store.serialize_cdr
+    serialized = (
+        (topic, type_, log_time, serialize(build(store, type_, content), type_))
+        for topic, type_, content, log_time in messages
+    )
+    write_serialized(writer, store, serialized)
+    return path
+
+
+def write_serialized(
+    writer: Any, store: Typestore, messages: Iterable[tuple[str, str, int, bytes | memoryview]]
+) -> None:
+    """Write topics, types, times and data with a writer of rosbags, and close it."""
     connections: dict[str, Any] = {}
     with writer:
-        for topic, type_, content, log_time in messages:
+        for topic, type_, log_time, data in messages:
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, type_, typestore=store)
-            serialize = store.serialize_ros1 if is_ros1 else store.serialize_cdr
-            data = serialize(build(store, type_, content), type_)
             writer.write(connections[topic], log_time, data)
-    return path

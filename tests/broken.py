@@ -28,6 +28,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mlscli.errors import InputError
 from mlscli.io.containers.container import Container
+from tests.bags import write_serialized
 
 STRING = "std_msgs/msg/String"
 SECOND = 10**9
@@ -75,13 +76,8 @@ def write_ros1(
     if compression != "none":
         writer.set_compression(Writer1.CompressionFormat[compression.upper()])
     writer.chunk_threshold = threshold
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with writer:
-        connections: dict[str, Any] = {}
-        for topic, time, data in messages:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, STRING, typestore=store)
-            writer.write(connections[topic], time, data)
+    strings = ((topic, STRING, time, data) for topic, time, data in messages)
+    write_serialized(writer, get_typestore(Stores.ROS1_NOETIC), strings)
     return path
 
 

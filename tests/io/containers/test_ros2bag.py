@@ -26,6 +26,7 @@ from mlscli.errors import InputError
 from mlscli.io.containers.opening import open_container
 from mlscli.io.containers.ros2bag import Ros2Bag
 from mlscli.io.containers.sqlitefile import SqliteFile
+from tests.bags import write_serialized
 from tests.broken import (
     SECOND,
     STRING,
@@ -57,13 +58,8 @@ def write_bag(
     writer = Writer2(path, version=9, storage_plugin=plugin)
     if mode != CompressionMode.NONE:
         writer.set_compression(mode, CompressionFormat.ZSTD)
-    store = get_typestore(Stores.LATEST)
-    with writer:
-        connections: dict[str, Any] = {}
-        for topic, time, data in messages:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, STRING, typestore=store)
-            writer.write(connections[topic], time, data)
+    strings = ((topic, STRING, time, data) for topic, time, data in messages)
+    write_serialized(writer, get_typestore(Stores.LATEST), strings)
     return path
 
 
