@@ -118,9 +118,10 @@ class Browser:
             time.sleep(0.05)
 
     def settle(self) -> None:
-        """Wait until what was done is drawn, and then once more: at rest edges become smooth."""
+        """Wait until what was done is drawn, and the view is at rest."""
         frame = "await new Promise((done) => requestAnimationFrame(done));"
-        self.evaluate(f"(async () => {{ {4 * frame} return true; }})()")
+        self.evaluate(f"(async () => {{ {2 * frame} return true; }})()")
+        self.wait("document.documentElement.dataset.view === 'still'")
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of an expression of JavaScript."""

@@ -25,7 +25,7 @@ from mlscli.typing import Array, Float64
 from mlscli.view.colourings import colourings
 from mlscli.view.layers import Picture, picture
 
-SCRIPTS = ("data.js", "camera.js", "scene.js", "page.js")
+SCRIPTS = ("data.js", "camera.js", "coarse.js", "scene.js", "detail.js", "page.js")
 
 # What JavaScript calls the types of arrays.
 _TYPES = {"i4": "Int32Array", "u4": "Uint32Array", "u1": "Uint8Array", "f4": "Float32Array",

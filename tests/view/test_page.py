@@ -8,7 +8,6 @@ from what is seen, so the view is from below, too, and layers are hidden under t
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,13 +24,6 @@ from tests.maps import Patch, map_of
 CELL = 0.5
 WIDE, DECK, FAR = 20, 3.0, 12_000_000
 HEIGHT, WIDTH = 600, 1000
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    browser = Browser(tmp_path_factory.mktemp("profile"))
-    yield browser
-    browser.close()
 
 
 def crossing(shift: int = 0) -> SurfaceMap:
@@ -285,40 +277,55 @@ def test_dragging_turns_and_the_wheel_zooms_towards_the_cursor(page: Browser) ->
     assert page.errors == []
 
 
+# Counts what is drawn, and lets each layer take its time.
 WATCHED = """(() => {
   const drawing = WebGL2RenderingContext.prototype;
-  const { drawElements, blitFramebuffer } = drawing;
-  window.edges = [];
-  window.patience = 0;
-  drawing.drawElements = function (...how) {
+  const { drawElements, clear } = drawing;
+  Object.assign(window, { frames: 0, elements: 0, patience: 0 });
+  drawing.drawElements = function (mode, count, ...how) {
     const end = performance.now() + window.patience;
     while (performance.now() < end);
-    drawElements.apply(this, how);
+    window.elements += count;
+    drawElements.call(this, mode, count, ...how);
   };
-  drawing.blitFramebuffer = function (...how) {
-    blitFramebuffer.apply(this, how);
-    window.edges.push(document.documentElement.dataset.edges);
+  drawing.clear = function (what) {
+    window.frames += what === (this.COLOR_BUFFER_BIT | this.DEPTH_BUFFER_BIT);
+    window.elements = 0;
+    clear.call(this, what);
   };
 })()"""
+# Moves the view there and back again, without an end.
+MOVING = """(() => {
+  const key = (key) => dispatchEvent(new KeyboardEvent("keydown", { key }));
+  window.moving = setInterval(() => { key("ArrowLeft"); key("ArrowRight"); }, 10);
+})()"""
+DETAIL = "document.documentElement.dataset.detail"
 
 
-def test_a_slow_machine_draws_smooth_edges_when_the_picture_rests(page: Browser) -> None:
-    edges = "document.documentElement.dataset.edges"
-    assert page.evaluate(edges) == "smooth"
+def test_a_slow_machine_draws_coarsely_what_moves_and_smoothly_what_rests(
+    browser: Browser, tmp_path: Path
+) -> None:
+    page = opened(browser, tmp_path / "large.html", plain(180))
+    assert page.evaluate(DETAIL) == "smooth"
+    page.key("t")
+    fine = page.picture()
     page.evaluate(WATCHED)
-    page.evaluate("window.patience = 30")
-    turn = """(async () => {
-      const seen = [];
-      for (let i = 0; i < 10; i++) {
-        dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
-        await new Promise((done) => requestAnimationFrame(done));
-        seen.push(document.documentElement.dataset.edges);
-      }
-      return seen;
-    })()"""
-    assert page.evaluate(turn)[-1] == "rough"
-    page.wait(f"{edges} === 'smooth'")
+    page.evaluate("window.patience = 60")
+    page.evaluate(MOVING)
+    page.wait(f"{DETAIL} === 'coarse'")
+    coarse = page.picture()
+    assert page.evaluate("window.elements") < 3 * 179**2
+    # The same is seen, but for the outline.
+    assert ((coarse != fine).any(axis=2)).mean() < 0.1 < ((fine != 255).any(axis=2)).mean()
+    page.evaluate("clearInterval(window.moving)")
+    page.wait(f"{DETAIL} === 'smooth'")
+    assert page.evaluate("window.elements") == 6 * 179**2
+    assert (page.picture() == fine).all()
     assert page.errors == []
+
+
+def plain(side: int) -> SurfaceMap:
+    return map_of([Patch(x, y, 0.0, 0.0, 0, 1) for x in range(side) for y in range(side)])
 
 
 def test_a_cursor_that_moves_draws_nothing_anew(page: Browser) -> None:
@@ -327,7 +334,7 @@ def test_a_cursor_that_moves_draws_nothing_anew(page: Browser) -> None:
     x, y = middle(page)
     told = {readout(page, x + step, y)["x"] for step in (0, 30, 60)}
     assert len(told) == 3
-    assert page.evaluate("window.edges.length") == 0
+    assert page.evaluate("window.frames") == 0
 
 
 def test_light_and_dark(page: Browser) -> None:

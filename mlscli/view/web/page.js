@@ -11,8 +11,6 @@ const LABELS = {
 };
 const TURN = Math.PI / 36;
 const PLAYING = 12; // seconds that the whole flight takes
-// A frame that takes longer (ms) is slow; after so many in a row edges are smooth at rest only.
-const SLOW = 40, MOST_SLOW = 4;
 
 async function main() {
   const map = await load();
@@ -29,9 +27,10 @@ async function main() {
     latest: last, cursor: null, playing: null, background: [1, 1, 1],
     // Whether the picture and what is told of the cursor are out of date.
     dirty: true, asked: true,
-    // When the frame before was drawn, in a row of frames, and how many of late were slow.
-    before: null, slow: 0,
+    // How finely the picture is drawn.
+    detail: null,
   };
+  const detail = new Detail();
   const digits = Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(map.cell_size))));
   const number = (value) => value.toFixed(digits);
   const redraw = () => { state.dirty = true; };
@@ -39,30 +38,29 @@ async function main() {
 
   function drawn(now) {
     if (state.dirty) {
-      const isSlow = state.before !== null && now - state.before > SLOW;
-      if (state.slow < MOST_SLOW) state.slow = Math.max(0, state.slow + (isSlow ? 1 : -1));
-      Object.assign(state, { before: now, dirty: false, asked: true });
-      draw(state.slow < MOST_SLOW);
+      Object.assign(state, { dirty: false, asked: true });
+      draw(detail.moving(now));
       drawAxes();
       drawScaleBar();
-    } else if (state.asked) {
-      // What moved has come to rest.
-      if (state.before !== null && state.slow === MOST_SLOW) draw(true);
-      Object.assign(state, { before: null, asked: false });
-      element("readout").textContent = describe();
+    } else if (detail.rests(now)) {
+      if (state.detail !== "smooth") draw("smooth");
+      if (state.asked) element("readout").textContent = describe();
+      state.asked = false;
     }
+    const { dataset } = document.documentElement;
+    [dataset.detail, dataset.view] = [state.detail, state.asked ? "moving" : "still"];
     requestAnimationFrame(drawn);
   }
 
-  function draw(isSmooth) {
-    scene.draw(camera, state.background, state.latest, isSmooth);
-    document.documentElement.dataset.edges = isSmooth ? "smooth" : "rough";
+  function draw(how) {
+    scene.draw(camera, state.background, state.latest, how);
+    state.detail = how;
   }
 
   // --- what is under the cursor ---
 
-  function pick() {
-    return state.cursor && scene.pick(camera, ...state.cursor, state.latest);
+  function pick(how = "smooth") {
+    return state.cursor && scene.pick(camera, ...state.cursor, state.latest, how);
   }
 
   function describe() {
@@ -242,7 +240,7 @@ async function main() {
     state.cursor = [event.offsetX, event.offsetY];
     const lines = event.deltaMode === 1 ? 30 : 1;
     const step = Math.max(-200, Math.min(200, event.deltaY * lines));
-    camera.zoom(1.0015 ** step, pick() || camera.target);
+    camera.zoom(1.0015 ** step, pick(state.detail) || camera.target);
     redraw();
   }, { passive: false });
   canvas.addEventListener("dblclick", () => { camera.target = pick() || camera.target; redraw(); });

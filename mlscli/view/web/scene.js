@@ -125,6 +125,16 @@ class Scene {
     }
   }
 
+  // The layers, whole or coarse; these are made when they are first needed.
+  layers(detail) {
+    const { layers } = this.map;
+    if (detail !== "coarse") return layers;
+    this.coarse ??= coarser(this.map).map(({ elements, when }, i) => (
+      { when, attributes: this.attributes(this.vertices[layers[i].vertices], elements) }
+    ));
+    return layers.map((layer, i) => ({ ...layer, ...this.coarse[i] }));
+  }
+
   attributes({ position, colour }, elements) {
     const { gl } = this, attributes = gl.createVertexArray();
     gl.bindVertexArray(attributes);
@@ -165,8 +175,9 @@ class Scene {
   }
 
   // Smooth edges take several times as long where the processor draws.
-  draw(camera, background, latest, isSmooth) {
-    const { gl, canvas } = this, ratio = window.devicePixelRatio || 1;
+  draw(camera, background, latest, detail) {
+    const { gl, canvas } = this, isSmooth = detail === "smooth";
+    const ratio = window.devicePixelRatio || 1;
     const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== width || canvas.height !== height) {
@@ -179,7 +190,7 @@ class Scene {
     gl.viewport(0, 0, width, height);
     gl.clearColor(...background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    this.elements(this.colour, this.map.layers, camera.matrix(width, height), latest, ratio);
+    this.elements(this.colour, this.layers(detail), camera.matrix(width, height), latest, ratio);
     if (!isSmooth) return;
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     const whole = [0, 0, width, height];
@@ -188,7 +199,7 @@ class Scene {
   }
 
   // The place shown at a pixel, counted from the top left; null where nothing is.
-  pick(camera, x, y, latest) {
+  pick(camera, x, y, latest, detail) {
     const { gl, canvas } = this, { width, height } = canvas, ratio = window.devicePixelRatio || 1;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.picked.frame);
     // The picture is as large as ever, and shifted until that pixel is the one there is.
@@ -196,7 +207,7 @@ class Scene {
     gl.clearBufferuiv(gl.COLOR, 0, new Uint32Array(4));
     gl.clearBufferfi(gl.DEPTH_STENCIL, 0, 1, 0);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    const solid = this.map.layers.filter(({ name }) => !NO_PLACES.includes(name));
+    const solid = this.layers(detail).filter(({ name }) => !NO_PLACES.includes(name));
     this.elements(this.place, solid, camera.matrix(width, height), latest, ratio);
     const pixel = new Uint32Array(4);
     gl.readPixels(0, 0, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, pixel);
