@@ -2,18 +2,21 @@
 
 A kernel is compiled when it is first called, and loaded from then on: numba keeps it beside its
 source, or in the user's cache where that cannot be written, or in the folder that
-``NUMBA_CACHE_DIR`` names. Where no folder can be written, it is compiled anew in every run.
+``NUMBA_CACHE_DIR`` names. It is compiled anew when a source that it is compiled from has changed;
+where no folder can be written, in every run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core import event
 from numba.extending import register_jitable
 
+from mlscli.kernel_sources import stamp
 from mlscli.notices import notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -29,6 +32,8 @@ def kernel(function: Function) -> Function:
     """
     try:
         compiled = njit(cache=True, nogil=True, **_NO_C)(function)
+        # numba has no word for it: what it compares with the state in which a source was compiled.
+        compiled._cache._cache_file._source_stamp = stamp(Path(function.__code__.co_filename))
     except RuntimeError:
         _Compiling.kept = False
         compiled = njit(nogil=True, **_NO_C)(function)

@@ -1,13 +1,15 @@
 """What is said while kernels are compiled, and that they are compiled once.
 
 How one could cheat: to say it whether anything is compiled or not, so a second run must not; to
-keep nothing and say nothing, so the folder is looked into; to say it among the results.
+keep nothing and say nothing, so the folder is looked into; to say it among the results; to load
+what was compiled from an older source, so what is built in is changed, in one module and two off.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -57,3 +59,42 @@ def test_where_no_folder_can_be_written_every_run_says_what_would_help(compared:
         assert said.startswith("mls: compiling kernels (about ")
         assert "NUMBA_CACHE_DIR" in said
         assert said.count("\n") == 1
+
+
+SOURCES = {
+    "third.py": "NUMBER = 1\n",
+    "second.py": """
+from mlscli.kernels import inner
+from mlscli.third import NUMBER
+@inner
+def more(x):
+    return x + NUMBER
+""",
+    "first.py": """
+from mlscli.kernels import kernel
+from mlscli.second import more
+@kernel
+def much(x):
+    return more(x)
+""",
+}
+
+
+def test_a_kernel_is_compiled_anew_when_what_is_built_into_it_has_changed(tmp_path: Path) -> None:
+    folder = tmp_path / "mlscli"
+    shutil.copytree(Path(mlscli.__file__).parent, folder, ignore=shutil.ignore_patterns("*.nb[ic]"))
+    for name, text in SOURCES.items():
+        (folder / name).write_text(text)
+
+    def answer() -> int:
+        command = [sys.executable, "-c", "from mlscli.first import much; print(much(5))"]
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+        return int(subprocess.check_output(command, env=environment, cwd=tmp_path))
+
+    assert answer() == 5 + 1
+    (folder / "third.py").write_text(SOURCES["third.py"].replace("= 1", "= 2"))
+    assert answer() == 5 + 2
+    (folder / "second.py").write_text(SOURCES["second.py"].replace("x +", "3 * x +"))
+    assert answer() == 3 * 5 + 2
+    (folder / "first.py").write_text(SOURCES["first.py"].replace("(x)\n", "(4 * x)\n"))
+    assert answer() == 3 * 4 * 5 + 2
