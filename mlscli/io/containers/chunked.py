@@ -11,19 +11,17 @@ from __future__ import annotations
 
 import re
 import zlib
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from mlscli.errors import InputError
 from mlscli.io.containers.compression import decompress, decompress_start, plain
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.containers.losses import DamagedError, Losses
-from mlscli.io.containers.streams import in_settled_order, in_time_order, united
+from mlscli.io.containers.messagefile import MessageFile
+from mlscli.io.containers.streams import in_time_order
 
 _WINDOW = 1 << 20
 _OVERLAP = 64
@@ -82,28 +80,10 @@ class Contents:
     fault: str = ""
 
 
-class ChunkedFile(ABC):
-    """A file of chunks.
+class ChunkedFile(MessageFile):
+    """A file of chunks."""
 
-    Parameters
-    ----------
-    path : Path
-    name : Path, optional
-        What messages to the user call it, where that is not its path.
-
-    Raises
-    ------
-    InputError
-        It cannot be read at all.
-    """
-
-    kind = ""
-
-    def __init__(self, path: Path, name: Path | None = None) -> None:
-        self.path = path
-        self.name = name or path
-        self.notes: list[str] = []
-        self._found = Losses(self.name)
+    def _contained(self) -> tuple[Mapping[int, Channel], Mapping[int, int]]:
         self._chunks: list[Chunk] = []
         with self._opened() as file:
             self._size = file.seek(0, 2)
@@ -111,19 +91,7 @@ class ChunkedFile(ABC):
             for chunk in self._chunks:
                 self._learn(file, chunk)
         self._chunks = [chunk for chunk in self._chunks if chunk.counts != {}]
-        counts = self._declared_counts()
-        definitions = self._definitions()
-        if unknown := sum(count for channel, count in counts.items() if channel not in definitions):
-            self._found.add(
-                f"{unknown:,} messages belong to no channel that it defines", messages=unknown
-            )
-        self._channels = united(definitions, counts)
-        self._last = self._found
-
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """What it holds, by topic, type and definition."""
-        return in_settled_order(self._channels.values())
+        return self._definitions(), self._declared_counts()
 
     @property
     def time_span(self) -> tuple[int, int] | None:
@@ -132,22 +100,12 @@ class ChunkedFile(ABC):
             return None
         return min(c.start for c in self._chunks), max(c.end for c in self._chunks)
 
-    @property
-    def losses(self) -> Sequence[str]:
-        """What opening it and the last pass could not read, in one line."""
-        return self._last.lines()
-
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Read the messages of these topics, or of all, in the order of their log times.
 
         Of equal times, the message that stands first in the file comes first.
         """
-        self._last = losses = self._found.copy()
-        wanted = {
-            number: channel
-            for number, channel in self._channels.items()
-            if topics is None or channel.topic in topics
-        }
+        wanted, losses = self._begin(topics)
         chunks = [c for c in self._chunks if c.counts is None or wanted.keys() & c.counts.keys()]
         came = 0
         with self._opened() as file:
@@ -157,14 +115,6 @@ class ChunkedFile(ABC):
                 came += 1
                 yield message
         losses.settle(came, sum(channel.count or 0 for channel in set(wanted.values())))
-
-    @contextmanager
-    def _opened(self) -> Iterator[BinaryIO]:
-        try:
-            with self.path.open("rb") as file:
-                yield file
-        except OSError as error:
-            raise InputError(f"{self.name}: cannot be read: {error.strerror or error}") from error
 
     @abstractmethod
     def _find_chunks(self, file: BinaryIO) -> None:

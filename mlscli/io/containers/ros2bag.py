@@ -193,7 +193,7 @@ class _Part:
     @classmethod
     def open(cls, path: Path) -> _Part:
         part = cls(path, (), None, None)
-        part.storage = None if _head(path).startswith(ZSTD_MAGIC) else open_storage(path)
+        part.storage = None if _head(path).startswith(ZSTD_MAGIC) else _open_storage(path)
         with part.opened() as storage:
             part.channels, part.span = storage.channels, storage.time_span
             part.take_losses(storage)
@@ -214,20 +214,14 @@ class _Part:
                 raise InputError(
                     f"{self.path}: cannot be decompressed into {folder}: {error.strerror or error}"
                 ) from error
-            yield open_storage(plain, self.path)
+            yield _open_storage(plain, self.path)
 
     def take_losses(self, storage: Storage) -> None:
         self.losses = storage.losses or ([f"{self.path}: {self.fault}"] if self.fault else [])
 
 
-def open_storage(path: Path, name: Path | None = None) -> Storage:
-    """Open a file of a bag, which its content tells to be SQLite or MCAP.
-
-    Parameters
-    ----------
-    path : Path
-    name : Path, optional
-        What messages to the user call it, where that is not its path.
+def _open_storage(path: Path, name: Path | None = None) -> Storage:
+    """Open a file of a bag, which its content tells to be SQLite or MCAP; see `MessageFile`.
 
     Raises
     ------

@@ -10,7 +10,7 @@ import shutil
 import sqlite3
 import tempfile
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,10 +19,10 @@ import numpy as np
 from mlscli.errors import InputError
 from mlscli.io.containers.compression import plain
 from mlscli.io.containers.container import Channel, Message
-from mlscli.io.containers.losses import DamagedError, Losses
+from mlscli.io.containers.losses import DamagedError
+from mlscli.io.containers.messagefile import MessageFile
 from mlscli.io.containers.sqlitepages import Pages
 from mlscli.io.containers.sqlitetables import Database, MessageRows, Salvage, Tables, values
-from mlscli.io.containers.streams import in_settled_order, united
 
 MAGIC = b"SQLite format 3\0"
 
@@ -30,28 +30,12 @@ _HEADER_SIZE = 100
 _LOGS = ("-wal", "-journal")
 
 
-class SqliteFile:
-    """The messages of a SQLite file.
-
-    Parameters
-    ----------
-    path : Path
-    name : Path, optional
-        What messages to the user call it, where that is not its path.
-
-    Raises
-    ------
-    InputError
-        It cannot be read at all.
-    """
+class SqliteFile(MessageFile):
+    """The messages of a SQLite file."""
 
     kind = "ROS 2 bag (SQLite)"
 
-    def __init__(self, path: Path, name: Path | None = None) -> None:
-        self.path = path
-        self.name = name or path
-        self.notes: Sequence[str] = ()
-        self._found = Losses(self.name)
+    def _contained(self) -> tuple[Mapping[int, Channel], Mapping[int, int]]:
         missing = self._missing_size()
         fault = f"breaks off at byte {self._size:,}" if missing else ""
         # SQLite would take what is missing of the last page for zeros.
@@ -65,16 +49,7 @@ class SqliteFile:
         if self._damaged or self._missing_messages:
             fault = fault or "holds rows that are no messages"
             self._found.add(fault, messages=self._missing_messages, size=missing)
-        counts = Counter(self._rows.topics.tolist())
-        if unknown := sum(count for topic, count in counts.items() if topic not in definitions):
-            self._found.add(f"{unknown:,} messages belong to no topic it names", messages=unknown)
-        self._channels = united(definitions, counts)
-        self._last = self._found
-
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """What it holds, by topic, type and definition."""
-        return in_settled_order(self._channels.values())
+        return definitions, Counter(self._rows.topics.tolist())
 
     @property
     def time_span(self) -> tuple[int, int] | None:
@@ -82,22 +57,12 @@ class SqliteFile:
         times = self._rows.times
         return (int(times[0]), int(times[-1])) if len(times) else None
 
-    @property
-    def losses(self) -> Sequence[str]:
-        """What opening it and the last pass could not read, in one line."""
-        return self._last.lines()
-
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Read the messages of these topics, or of all, in the order of their log times.
 
         Of equal times, the message that was recorded first comes first.
         """
-        self._last = losses = self._found.copy()
-        wanted = {
-            number: channel
-            for number, channel in self._channels.items()
-            if topics is None or channel.topic in topics
-        }
+        wanted, losses = self._begin(topics)
         chosen = self._rows.take(np.flatnonzero(np.isin(self._rows.topics, list(wanted))))
         with self._tables() as tables:
             data = tables.data(chosen)
@@ -134,12 +99,9 @@ class SqliteFile:
         changes: where these differ, the last writer did not count pages
         (https://www.sqlite.org/fileformat.html).
         """
-        try:
-            with self.path.open("rb") as file:
-                head = file.read(_HEADER_SIZE)
-                self._size = file.seek(0, 2)
-        except OSError as error:
-            raise InputError(f"{self.name}: cannot be read: {error.strerror or error}") from error
+        with self._opened() as file:
+            head = file.read(_HEADER_SIZE)
+            self._size = file.seek(0, 2)
         if not head.startswith(MAGIC) or len(head) < _HEADER_SIZE:
             found = f"holds {len(head)} bytes, beginning with {head[:16]!r}" if head else "is empty"
             raise InputError(f"{self.name}: {found}, expected a SQLite database")

@@ -1,0 +1,81 @@
+"""What SQLite files, ROS 1 bags and MCAP files share: a file of messages and what is lost of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from mlscli.errors import InputError
+from mlscli.io.containers.container import Channel
+from mlscli.io.containers.losses import Losses
+from mlscli.io.containers.streams import in_settled_order, united
+
+
+class MessageFile(ABC):
+    """A container that is one file.
+
+    Parameters
+    ----------
+    path : Path
+    name : Path, optional
+        What messages to the user call it, where that is not its path.
+
+    Raises
+    ------
+    InputError
+        It cannot be read at all.
+    """
+
+    kind: str
+    notes: Sequence[str] = ()
+
+    def __init__(self, path: Path, name: Path | None = None) -> None:
+        self.path = path
+        self.name = name or path
+        self._found = Losses(self.name)
+        definitions, counts = self._contained()
+        if unknown := sum(count for channel, count in counts.items() if channel not in definitions):
+            self._found.add(
+                f"{unknown:,} messages belong to no topic that it names", messages=unknown
+            )
+        self._channels = united(definitions, counts)
+        self._last = self._found
+
+    @abstractmethod
+    def _contained(self) -> tuple[Mapping[int, Channel], Mapping[int, int]]:
+        """Find the messages, and tell losses.
+
+        Returns the channels that are defined, by their numbers, without counts; and how many
+        messages each number has.
+        """
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """What it holds, by topic, type and definition."""
+        return in_settled_order(self._channels.values())
+
+    @property
+    def losses(self) -> Sequence[str]:
+        """What opening it and the last pass could not read, in one line."""
+        return self._last.lines()
+
+    def _begin(self, topics: Collection[str] | None) -> tuple[dict[int, Channel], Losses]:
+        """Begin a pass: return the channels of these topics, or all, and losses to add to."""
+        self._last = self._found.copy()
+        wanted = {
+            number: channel
+            for number, channel in self._channels.items()
+            if topics is None or channel.topic in topics
+        }
+        return wanted, self._last
+
+    @contextmanager
+    def _opened(self) -> Iterator[BinaryIO]:
+        try:
+            with self.path.open("rb") as file:
+                yield file
+        except OSError as error:
+            raise InputError(f"{self.name}: cannot be read: {error.strerror or error}") from error
