@@ -135,6 +135,33 @@ class ChunkedFile(MessageFile):
             counts.update(chunk.counts or {})
         return counts
 
+    def _skip(self, last: Chunk | None, previous: int | None, at: int, following: int) -> None:
+        """Go on after damage.
+
+        Parameters
+        ----------
+        last : Chunk or None
+            The chunk that the record before the damage belongs to.
+        previous : int or None
+            Where that record begins. Its length led to the damage, and is at fault where what
+            follows was found within.
+        at, following : int
+            Where no record is, and where what follows was found.
+        """
+        begin = at
+        if last is not None:
+            # Its indexes may be missing in part.
+            last.counts = None
+        if previous is not None and following < at:
+            begin = previous
+            if last is not None and last.stop > begin:
+                last.stop, last.data_size = begin, begin - last.data_at
+            if last is not None and last.position == begin:
+                self._chunks.remove(last)
+        self._found.add(
+            f"is damaged from byte {begin:,} to byte {following:,}", size=following - begin
+        )
+
     def _load(self, file: BinaryIO, chunk: Chunk) -> bytes:
         """Return the content of a chunk; of one that is cut, what there is."""
         try:

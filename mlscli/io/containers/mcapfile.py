@@ -107,7 +107,7 @@ class McapFile(ChunkedFile):
                 if following is None:
                     self._break_off(file, record, last, at)
                     return
-                self._skip(last, previous, at, following)
+                self._skip(last, previous and previous.at, at, following)
                 last, previous, at = None, None, following
             elif record.kind in (Opcode.DATA_END, Opcode.FOOTER):
                 self._check_end(file, record.stop)
@@ -175,22 +175,6 @@ class McapFile(ChunkedFile):
             if is_among_records(file, place, self._size):
                 return place
         return None
-
-    def _skip(self, last: Chunk | None, previous: Record | None, at: int, following: int) -> None:
-        """Go on at a record that was found after damage."""
-        begin = at
-        if last is not None:
-            # Its indexes are not to be trusted to be whole.
-            last.counts = None
-        if previous is not None and following < at:
-            begin = previous.at
-            if last is not None and last.stop > begin:
-                last.stop, last.data_size = begin, begin - last.data_at
-            if last is not None and last.position == begin:
-                self._chunks.remove(last)
-        self._found.add(
-            f"is damaged from byte {begin:,} to byte {following:,}", size=following - begin
-        )
 
     def _break_off(
         self, file: BinaryIO, record: Record | None, last: Chunk | None, at: int

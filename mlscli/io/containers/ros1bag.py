@@ -65,7 +65,7 @@ class Ros1Bag(ChunkedFile):
                 if following is None:
                     self._break_off(record, last, at)
                     return
-                self._skip(last, previous, at, following)
+                self._skip(last, previous and previous.position, at, following)
                 last, previous, at = None, None, following
                 continue
             if record.op == CHUNK:
@@ -119,20 +119,6 @@ class Ros1Bag(ChunkedFile):
             if found is not None and found.op == CHUNK:
                 return place
         return None
-
-    def _skip(self, last: Chunk | None, previous: Record | None, at: int, following: int) -> None:
-        """Go on at a chunk that was found after damage."""
-        begin = at
-        if last is not None:
-            # Its index may be missing in part.
-            last.counts = None
-        if previous is not None and following < at:
-            begin = previous.position
-            if last is not None and last.position == begin:
-                self._chunks.remove(last)
-        self._found.add(
-            f"is damaged from byte {begin:,} to byte {following:,}", size=following - begin
-        )
 
     def _break_off(self, record: Record | None, last: Chunk | None, at: int) -> None:
         """Read what there is of a last chunk that the file's end cuts."""
