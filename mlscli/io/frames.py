@@ -81,7 +81,7 @@ def told_track(sources: Sequence[Source], topic: str) -> Track:
     told = [poses for source in sources for poses in source.poses(topic)]
     stamps = np.concatenate([np.empty(0), *(poses.stamps for poses in told)])
     if not len(stamps):
-        there = [topic.name for source in sources for topic in source.topics() if topic.poses]
+        there = [t.name for source in sources for t in source.topics() if t.poses]
         raise UsageError(
             f"--pose-topic {topic}: found no poses; topics with poses: {', '.join(there) or 'none'}"
         )
@@ -177,9 +177,9 @@ def world_above(tree: TransformTree, frame: str) -> str | None:
     a root that all hangs below unmoved is a part of the craft.
     """
     above = tree.ancestors(frame)[1:]
-    named = [parent for parent in above if is_world(parent)]
-    if named:
-        return named[-1]
+    worlds = [parent for parent in above if is_world(parent)]
+    if worlds:
+        return worlds[-1]
     return above[-1] if above and tree.moves(frame) else None
 
 

@@ -1,8 +1,8 @@
 """Where clouds are in the map: the way from each frame into the map frame, at any time.
 
-A cloud in the map frame, or in no frame, is taken as it is. Any other is moved by the transforms
-of the recording (/tf, /tf_static), or by the poses of a topic, at its own time. What is known of
-the craft's position on the way becomes the route.
+A cloud in the map frame is taken as it is, and so is one in no frame, unless a topic tells poses.
+Any other is moved by the transforms of the recording (/tf, /tf_static), or by those poses, at its
+own time. What is known of the craft's position on the way becomes the route.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Asked:
 
 
 Way = Callable[[float], Pose | None]
-"""T_map_cloud at a time; None where not known."""
+"""T_map_cloud at a time; None or an `InputError` where not known."""
 
 
 @dataclass(eq=False)
@@ -184,17 +184,7 @@ class Placing:
         # Refused at once where nothing connects the frames at any time.
         with named(source.label):
             self._tree.check_way(self.frame_id, frame)
-        return self._way_by_tree(frame)
-
-    def _way_by_tree(self, frame: str) -> Way:
-        def way(stamp: float) -> Pose | None:
-            try:
-                return _single(self._tree.lookup(self.frame_id, frame, np.array([stamp])))
-            except InputError:
-                # The frames are connected at other times.
-                return None
-
-        return way
+        return lambda stamp: _single(self._tree.lookup(self.frame_id, frame, np.array([stamp])))
 
     def _way_by_poses(self, track: Track, frame: str) -> Way:
         mounting = self._asked.mounting
