@@ -18,8 +18,8 @@ from rosbags.interfaces import (
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from mlscli.io.messages.definitions import usual_types
 from mlscli.io.messages.pointcloud2 import DATATYPES
 from mlscli.io.trianglelist import TriangleLists
 from mlscli.typing import Array, Float64, Int32, UInt8
@@ -67,12 +67,8 @@ class BagWriter:
         self._topics = topics
         self._lasting = lasting
         self._is_ros1 = kind == "ros1"
-        self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.LATEST)
-        if self._is_ros1:
-            # ROS 1 has it in a package that the types of its distribution lack.
-            definition = "geometry_msgs/TransformStamped[] transforms"
-            self._store.register(get_types_from_msg(definition, TF_TYPE))
-        else:
+        self._store = usual_types(is_ros1=self._is_ros1)
+        if not self._is_ros1:
             self._triangle_lists = TriangleLists(self._store)
         self._types: Any = self._store.types
         self._writer: Any
@@ -109,7 +105,7 @@ class BagWriter:
         parent: str,
         child: str,
         translation: Sequence[float],
-        rotation: Sequence[float],
+        rotation: Sequence[float] = _NO_TURN,
     ) -> None:
         """Write T_parent_child."""
         x, y, z = translation

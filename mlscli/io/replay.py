@@ -1,16 +1,16 @@
 """The map as it grew, as an MCAP file of ROS 2 messages, for Foxglove Studio and RViz.
 
-==================== ======================= ===================================================
-topic                type                    content
-==================== ======================= ===================================================
-``/mls/patches``     sensor_msgs/PointCloud2 every patch of the map so far
+==================== ========================= =================================================
+topic                type                      content
+==================== ========================= =================================================
+``/mls/patches``     sensor_msgs/PointCloud2   every patch of the map so far
 ``/mls/surface``     visualization_msgs/Marker its surfaces, as a list of triangles
 ``/mls/walls``       visualization_msgs/Marker its walls
 ``/mls/artificial``  visualization_msgs/Marker what of both is artificial
-``/mls/route``       nav_msgs/Path           where the craft was so far
-``/tf``              tf2_msgs/TFMessage      map frame -> mls_craft, at every keyframe
-``/tf_static``       tf2_msgs/TFMessage      map frame -> mls_map, always the same
-==================== ======================= ===================================================
+``/mls/route``       nav_msgs/Path             where the craft was so far
+``/tf``              tf2_msgs/TFMessage        map frame -> mls_craft, at every keyframe
+``/tf_static``       tf2_msgs/TFMessage        map frame -> mls_map, always the same
+==================== ========================= =================================================
 
 Each message holds the whole state: whoever jumps to a time sees the map of that time, and who
 listens late is told the last (all topics but ``/tf`` are offered as transient local). The frame of
@@ -91,8 +91,6 @@ _ROUND = 10
 # than the one before. None is at 0: to ROS, that is a clock not set yet.
 _INTERVAL = 10**8
 _EARLIEST, _LATEST = 1, (2**31 - 1) * 10**9
-
-_NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 def write_replay(
@@ -221,7 +219,7 @@ class Replay:
         self._bag.path(ROUTE, stamp, MAP, passed, position[known] - self._origin)
 
     def _transform(self, topic: str, stamp: int, parent: str, child: str, place: Float64) -> None:
-        self._bag.transform(topic, stamp, parent, child, place.tolist(), _NO_TURN)
+        self._bag.transform(topic, stamp, parent, child, place.tolist())
 
 
 def _near(surface: SurfaceMap) -> Float64:

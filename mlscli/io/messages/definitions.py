@@ -47,13 +47,19 @@ def typestore_of(channel: Channel) -> Typestore:
     if channel.schema.strip():
         store = get_typestore(Stores.EMPTY)
         store.register(_parsed(channel))
-    elif channel.encoding == "ros1":
-        store = get_typestore(Stores.ROS1_NOETIC)
-        for type_, text in _BESIDE_ROS1.items():
-            store.register(get_types_from_msg(text, type_))
     else:
-        store = get_typestore(Stores.LATEST)
+        store = usual_types(is_ros1=channel.encoding == "ros1")
     smallest_size(channel.type, store.fielddefs)
+    return store
+
+
+def usual_types(*, is_ros1: bool) -> Typestore:
+    """Return the types of the last distribution of ROS 1, or of the latest of ROS 2."""
+    if not is_ros1:
+        return get_typestore(Stores.LATEST)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for type_, text in _BESIDE_ROS1.items():
+        store.register(get_types_from_msg(text, type_))
     return store
 
 
