@@ -1,13 +1,13 @@
 """Writes a recording as a ROS 1 bag, a ROS 2 bag or an MCAP file, as a craft would record it.
 
-============== ====================== ===========================================================
-topic          type                   content
-============== ====================== ===========================================================
+============== ======================= ==========================================================
+topic          type                    content
+============== ======================= ==========================================================
 ``/cloud``     sensor_msgs/PointCloud2 x, y, z in float64, a message for each keyframe
-``/odom``      nav_msgs/Odometry      the craft in the map, at the same times
-``/tf``        tf2_msgs/TFMessage     map -> base_link, at the same times
-``/tf_static`` tf2_msgs/TFMessage     base_link -> camera, once
-============== ====================== ===========================================================
+``/odom``      nav_msgs/Odometry       the craft in the map, at the same times
+``/tf``        tf2_msgs/TFMessage      map -> base_link, at the same times
+``/tf_static`` tf2_msgs/TFMessage      base_link -> camera, once
+============== ======================= ==========================================================
 """
 
 from __future__ import annotations
