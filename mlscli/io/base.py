@@ -183,6 +183,16 @@ def keyframe_field(names: Iterable[str]) -> str | None:
     return next((name for name in KEYFRAME_FIELDS if name in names), None)
 
 
+def side_by_side(columns: Sequence[Array]) -> Float64:
+    """Return columns of one shape, of any numbers, as one float64 array (N, columns)."""
+    rows = np.empty((columns[0].size, len(columns)))
+    # Signalling NaNs are no reason to warn: points that are not finite are dropped later.
+    with np.errstate(invalid="ignore"):
+        for number, column in enumerate(columns):
+            rows[:, number] = column.reshape(-1)
+    return rows
+
+
 def rows_by_first_appearance(labels: Array) -> list[Int64]:
     """Return the rows of each distinct label, the labels in order of their first appearance.
 

@@ -17,15 +17,9 @@ import laspy
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.base import keyframe_field
+from mlscli.io.base import keyframe_field, side_by_side
 from mlscli.io.clouds.laz import check_packing, needs_table, readable_points
-from mlscli.io.clouds.pointfile import (
-    Content,
-    PointFile,
-    by_keyframe,
-    shortfall,
-    side_by_side,
-)
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
 from mlscli.io.clouds.records import mapped
 from mlscli.typing import Array, Float64
 
@@ -115,7 +109,7 @@ class LasCloud(PointFile):
                     if not len(chunk):
                         raise EOFError("the file ends before them")
                     kept = ~np.asarray(chunk.withheld, dtype=np.bool_)
-                    xyz = side_by_side([chunk.x, chunk.y, chunk.z])
+                    xyz = side_by_side([np.asarray(axis) for axis in (chunk.x, chunk.y, chunk.z)])
                     part.points.append(xyz[kept])
                     if label is not None:
                         part.labels.append(np.asarray(chunk[label])[kept])

@@ -22,15 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.base import keyframe_field
+from mlscli.io.base import keyframe_field, side_by_side
 from mlscli.io.clouds.lzf import decompress
-from mlscli.io.clouds.pointfile import (
-    Content,
-    PointFile,
-    by_keyframe,
-    shortfall,
-    side_by_side,
-)
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
 from mlscli.io.clouds.records import Field, mapped, read_records
 from mlscli.io.clouds.rows import Item, open_rows
 from mlscli.keyframes import UNKNOWN_POSITION

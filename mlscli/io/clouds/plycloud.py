@@ -14,14 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mlscli.errors import InputError
-from mlscli.io.base import keyframe_field
-from mlscli.io.clouds.pointfile import (
-    Content,
-    PointFile,
-    by_keyframe,
-    shortfall,
-    side_by_side,
-)
+from mlscli.io.base import keyframe_field, side_by_side
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
 from mlscli.io.clouds.records import Field, mapped, read_records
 from mlscli.io.clouds.rows import Item, open_rows
 from mlscli.typing import Array

@@ -110,13 +110,6 @@ class PointFile(ABC):
             raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
 
-def side_by_side(columns: Sequence[Array]) -> Float64:
-    """Return columns of any type as one float64 array (N, columns)."""
-    # Signalling NaNs are no reason to warn: points that are not finite are dropped later.
-    with np.errstate(invalid="ignore"):
-        return np.stack(columns, axis=1, dtype=np.float64, casting="unsafe")
-
-
 def by_keyframe(
     points: Float64,
     labels: Array | None,

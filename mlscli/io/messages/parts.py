@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
-from mlscli.io.base import rows_by_first_appearance
+from mlscli.io.base import rows_by_first_appearance, side_by_side
 from mlscli.poses import Pose, apply
 from mlscli.typing import Array, Float64
 
@@ -85,17 +85,9 @@ def seconds(time: Any) -> float:
     return (int(whole) * _NANOSECONDS + int(nanoseconds)) / _NANOSECONDS
 
 
-def stacked(columns: Sequence[Array]) -> Float64:
-    """Return columns of one shape, of any numbers, as float64 rows."""
-    rows = np.empty((columns[0].size, len(columns)))
-    for number, column in enumerate(columns):
-        rows[:, number] = column.reshape(-1)
-    return rows
-
-
-def vectors(structures: Array, names: str = "xyz") -> Float64:
-    """Return the named fields of a structured array (N,) as rows, float64."""
-    return stacked([structures[name] for name in names])
+def vectors(structures: Array) -> Float64:
+    """Return the fields x, y, z of a structured array (N,) as rows, float64."""
+    return side_by_side([structures[name] for name in "xyz"])
 
 
 def placed(points: Float64, pose: Any) -> Float64:

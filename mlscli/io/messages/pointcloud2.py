@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.io.base import keyframe_field
-from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, stacked
+from mlscli.io.base import keyframe_field, side_by_side
+from mlscli.io.messages.parts import MalformedCloudError, Part, part_of
 from mlscli.typing import Array, Float64
 
 # sensor_msgs/PointField: the number of a datatype and what it stands for.
@@ -66,7 +66,7 @@ class Packed(NamedTuple):
                 f"no field {', '.join(absent)}, expected x, y and z beside "
                 f"{', '.join(self.fields) or 'none'}"
             )
-        points = stacked([self._view(name) for name in "xyz"])
+        points = side_by_side([self._view(name) for name in "xyz"])
         name = keyframe_field(self.fields)
         return points, None if name is None else self._view(name).reshape(-1)
 
