@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -105,7 +105,7 @@ class TopicSource:
         first_fault = ""
         topic = self._topic
         try:
-            for message in self._messages({topic.type: None}, topic.name):
+            for message in self._messages((topic.type,), topic.name):
                 came += 1
                 stamp = self._stamp(message)
                 if not math.isnan(stamp) and not wanted(stamp):
@@ -156,7 +156,7 @@ class TopicSource:
 
     # --- messages ---
 
-    def _messages(self, types: Mapping[str, object], topic: str | None = None) -> Iterator[Message]:
+    def _messages(self, types: Collection[str], topic: str | None = None) -> Iterator[Message]:
         """Read the messages of these types, of one topic or of all."""
         names = {
             channel.topic
@@ -253,7 +253,7 @@ class TopicSource:
             if type_ not in CLOUD_TYPES:
                 why_not = f"{type_} cannot be mapped; can be mapped: {MAPPABLE}"
             elif not why_not:
-                first = next(self._messages({type_: None}, name), None)
+                first = next(self._messages((type_,), name), None)
                 if first is None:
                     why_not = "it holds no messages"
                 else:
