@@ -82,6 +82,12 @@ def tells_pose(stamps: Float64, translations: Float64, rotations: Float64) -> Bo
     return np.asarray(told & np.isfinite(lengths) & (lengths > 0))
 
 
+def in_order(stamps: Float64, rows: Int64) -> Int64:
+    """Return rows in the order of their time stamps; of equal ones the last."""
+    rows = rows[np.argsort(stamps[rows], kind="stable")]
+    return rows[np.diff(stamps[rows], append=np.inf) > 0]
+
+
 def unit(rotations: Float64) -> Float64:
     """Return quaternions (N, 4) of length 1."""
     return np.asarray(rotations / np.linalg.norm(rotations, axis=1, keepdims=True))
@@ -144,9 +150,7 @@ class PoseTrack:
         rotations: Float64,
         series: Int64 | None = None,
     ) -> None:
-        rows = np.flatnonzero(tells_pose(stamps, translations, rotations))
-        rows = rows[np.argsort(stamps[rows], kind="stable")]
-        rows = rows[np.diff(stamps[rows], append=np.inf) > 0]
+        rows = in_order(stamps, np.flatnonzero(tells_pose(stamps, translations, rotations)))
         self.stamps = stamps[rows]
         self._translations = translations[rows]
         self._rotations = unit(rotations[rows])

@@ -17,7 +17,7 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.io.clouds import columns as lines
-from mlscli.poses import PoseTrack, tells_pose, unit
+from mlscli.poses import PoseTrack, identity, in_order, tells_pose, unit
 from mlscli.typing import Float64
 
 _COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -60,7 +60,7 @@ class Trajectory:
         """The same as poses to be interpolated; without attitudes, none is turned."""
         attitudes = self.attitudes
         if attitudes is None:
-            attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(self.stamps), 1))
+            attitudes = identity(len(self.stamps)).rotation
         return PoseTrack(self.stamps, self.positions, attitudes)
 
     def at(self, stamps: Float64) -> Float64:
@@ -132,8 +132,7 @@ def _trajectory(path: Path, rows: Float64) -> Trajectory:
     if np.abs(stamps[told]).max() >= _NANOSECONDS:
         stamps = stamps / 1e9
         notes.append(f"{path}: the time stamps are taken as nanoseconds")
-    order = told[np.argsort(stamps[told], kind="stable")]
-    order = order[np.diff(stamps[order], append=np.inf) > 0]
+    order = in_order(stamps, told)
     return Trajectory(
         path,
         stamps[order],
