@@ -34,6 +34,7 @@ from mlscli.io.bagwriter import (
     BagWriter,
     Kind,
 )
+from mlscli.io.containers.ros2metadata import FILE_NAME
 from mlscli.keyframes import Keyframe
 from mlscli.typing import Float64
 
@@ -116,9 +117,9 @@ def refuse_existing_bag(path: str | os.PathLike[str], kind: Kind, *, overwrite: 
         refuse_existing(target, overwrite=overwrite)
     elif not overwrite:
         raise OutputError(f"{target}: exists already; choose another name or add --overwrite")
-    elif not (target / "metadata.yaml").is_file():
+    elif not (target / FILE_NAME).is_file():
         raise OutputError(
-            f"{target}: is a folder without metadata.yaml, and so no ROS 2 bag to be replaced; "
+            f"{target}: is a folder without {FILE_NAME}, and so no ROS 2 bag to be replaced; "
             "choose another name"
         )
 

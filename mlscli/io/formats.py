@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from mlscli.errors import InputError
 from mlscli.io.base import Reading, Source
+from mlscli.io.containers.ros2metadata import FILE_NAME, STORAGE
 
 READABLE = (
     "ROS 1 bags, ROS 2 bags (a folder with metadata.yaml, .db3, .mcap), text clouds, .ply, .pcd, "
@@ -107,10 +108,7 @@ def _is_ros2_folder(path: Path) -> bool:
     """Tell whether a folder is a ROS 2 bag: by its metadata, or by files of one without them."""
     if not path.is_dir():
         return False
-    endings = tuple(
-        f"{kind}{packed}" for kind in (".db3", ".mcap") for packed in ("", ".zstd", ".zst")
-    )
-    return any(c.name == "metadata.yaml" or c.name.endswith(endings) for c in path.iterdir())
+    return any(c.name == FILE_NAME or STORAGE.search(c.name) for c in path.iterdir())
 
 
 def _colmap_models(path: Path) -> list[Path]:

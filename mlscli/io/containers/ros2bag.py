@@ -21,13 +21,12 @@ from mlscli.io.containers.compression import ZSTD_MAGIC, decompress_file
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.containers.losses import Losses
 from mlscli.io.containers.mcapfile import McapFile
-from mlscli.io.containers.ros2metadata import FILE_NAME, Metadata
+from mlscli.io.containers.ros2metadata import FILE_NAME, STORAGE, Metadata
 from mlscli.io.containers.sqlitefile import SqliteFile
 from mlscli.io.containers.streams import in_settled_order, in_time_order, united
 
 Storage: TypeAlias = SqliteFile | McapFile
 
-_STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
 _NUMBER = re.compile(r"(?:_\d+)?\.(?:db3|mcap)$")
 _COMPRESSED = re.compile(r"\.zstd?$")
 
@@ -135,7 +134,7 @@ class Ros2Bag:
         others = {
             plain: path
             for name, path in there.items()
-            if _STORAGE.search(name) and (plain := _COMPRESSED.sub("", name)) not in files
+            if STORAGE.search(name) and (plain := _COMPRESSED.sub("", name)) not in files
         }
         if not metadata.files and len({_NUMBER.sub("", name) for name in others}) > 1:
             raise InputError(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NamedTuple
 
 FILE_NAME = "metadata.yaml"
+
+STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
+"""How the names of files of messages end."""
 
 _LARGEST = 1 << 26
 
