@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
@@ -178,7 +178,7 @@ class Source(Protocol):
         """Tell the poses of a topic; none where there is no such topic."""
 
 
-def keyframe_field(names: Iterable[str]) -> str | None:
+def keyframe_field(names: Container[str]) -> str | None:
     """Return the name of the field or channel that tells each point's keyframe, if there is one."""
     return next((name for name in KEYFRAME_FIELDS if name in names), None)
 

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.base import keyframe_field, side_by_side
+from mlscli.io.base import side_by_side
 from mlscli.io.clouds.lzf import decompress
-from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
 from mlscli.io.clouds.records import Field, mapped, read_records
 from mlscli.io.clouds.rows import Item, open_rows
 from mlscli.keyframes import UNKNOWN_POSITION
@@ -130,18 +130,16 @@ class PcdCloud(PointFile):
                     f"{self.path}: the field {field.name} has SIZE {field.size} and COUNT "
                     f"{field.count}, more than a point can hold"
                 )
-        numbers = {
-            field.name.lower(): place
-            for place, field in reversed(list(enumerate(fields)))
-            if field.count == 1 and field.size in _SIZES.get(field.type, ())
-        }
-        if not {"x", "y", "z"} <= numbers.keys():
+        wanted = wanted_fields(
+            field.name if field.count == 1 and field.size in _SIZES.get(field.type, ()) else ""
+            for field in fields
+        )
+        if wanted is None:
             names = ", ".join(f"{f.name} ({f.type}{f.size} x {f.count})" for f in fields)
             raise InputError(
                 f"{self.path}: has the FIELDS {names or 'none'}, expected one number x, y and z"
             )
-        keyframe = keyframe_field(numbers)
-        return [numbers[name] for name in ("x", "y", "z", keyframe) if name is not None]
+        return wanted
 
     def _rows(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
         """Return the wanted columns of a text, and what is wrong with its first broken row."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mlscli.errors import InputError
-from mlscli.io.base import keyframe_field, side_by_side
-from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
+from mlscli.io.base import side_by_side
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
 from mlscli.io.clouds.records import Field, mapped, read_records
 from mlscli.io.clouds.rows import Item, open_rows
 from mlscli.typing import Array
@@ -105,19 +105,14 @@ class PlyCloud(PointFile):
 
     def _wanted(self, vertex: _Element) -> list[int]:
         """Return which properties are the coordinates, and the keyframe where there is one."""
-        numbers = {
-            field.name.lower(): place
-            for place, field in reversed(list(enumerate(vertex.fields)))
-            if not field.length
-        }
-        if not {"x", "y", "z"} <= numbers.keys():
+        wanted = wanted_fields("" if field.length else field.name for field in vertex.fields)
+        if wanted is None:
             names = ", ".join(field.name for field in vertex.fields)
             raise InputError(
                 f"{self.path}: the element vertex has the properties {names or 'none'}, expected "
                 "a number x, y and z"
             )
-        keyframe = keyframe_field(numbers)
-        return [numbers[name] for name in ("x", "y", "z", keyframe) if name is not None]
+        return wanted
 
     def _records(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from mlscli.io.base import (
     Topic,
     Wanted,
     everything,
+    keyframe_field,
     rows_by_first_appearance,
 )
 from mlscli.keyframes import UNKNOWN_POSITION
@@ -108,6 +109,18 @@ class PointFile(ABC):
             return self._read()
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
+
+
+def wanted_fields(names: Iterable[str]) -> list[int] | None:
+    """Return the places of x, y, z and, where there is one, the keyframe; None where x, y, z lack.
+
+    Of names alike, in capitals or not, the first counts; what is no number has an empty one.
+    """
+    places = {name.lower(): place for place, name in reversed(list(enumerate(names)))}
+    if not places.keys() >= {"x", "y", "z"}:
+        return None
+    keyframe = keyframe_field(places)
+    return [places[name] for name in ("x", "y", "z", keyframe) if name is not None]
 
 
 def by_keyframe(
