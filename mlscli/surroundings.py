@@ -30,11 +30,13 @@ class PointSample:
         self._points = np.empty((0, 3))
         self._keys = np.empty(0, dtype=np.uint64)
         self._waiting: list[Float64] = []
+        self._unsettled = 0
 
     def add(self, points: Float64) -> None:
         """Add points (N, 3); those that are no measurement are left out."""
         self._waiting.append(points)
-        if sum(map(len, self._waiting)) > self._size:
+        self._unsettled += len(points)
+        if self._unsettled > self._size:
             self._settle()
 
     @property
@@ -48,7 +50,7 @@ class PointSample:
         points = points[(np.abs(points) <= FARTHEST).all(axis=1)]
         self._keys, first = np.unique(_hash(points), return_index=True)
         self._keys, self._points = self._keys[: self._size], points[first[: self._size]]
-        self._waiting = []
+        self._waiting, self._unsettled = [], 0
 
 
 class Planes(NamedTuple):
