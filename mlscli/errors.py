@@ -48,6 +48,11 @@ class ConfigError(UsageError):
         self.faults = tuple(faults)
 
 
+def one_line(words: object) -> str:
+    """Return words, as a library's error or names that a file holds, as a line not too long."""
+    return " ".join(str(words).split())[:400].rstrip(".")
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Suggest the valid name that a wrong one was probably meant to be, or list them all."""
     from difflib import get_close_matches

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, NamedTuple
 import laspy
 import numpy as np
 
-from mlscli.errors import InputError
+from mlscli.errors import InputError, one_line
 from mlscli.io.base import keyframe_field, side_by_side
 from mlscli.io.clouds.laz import check_packing, needs_table, readable_points
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
@@ -88,8 +88,9 @@ class LasCloud(PointFile):
             return header, not needs_table(header, packing, data)
         # A damaged header can fail in any way that laspy knows.
         except Exception as error:
-            reason = " ".join(str(error).split())
-            raise InputError(f"{self.path}: the header cannot be read: {reason}") from error
+            raise InputError(
+                f"{self.path}: the header cannot be read: {one_line(error)}"
+            ) from error
 
     def _part(self, steps: Iterable[int], left: int, one_way: bool) -> _Part:
         """Read so many points at a time, until all came or no more can be read."""
@@ -119,7 +120,7 @@ class LasCloud(PointFile):
             except BaseException as error:
                 if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
                     raise
-                return part._replace(fault=" ".join(str(error).split()) or type(error).__name__)
+                return part._replace(fault=one_line(error) or type(error).__name__)
         return part
 
 

@@ -6,6 +6,7 @@ import bz2
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
+from mlscli.errors import one_line
 from mlscli.io.containers.losses import DamagedError
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -45,7 +46,7 @@ def decompress(data: bytes, method: str, size: int) -> bytes:
     except (ValueError, OSError, RuntimeError, MemoryError, EOFError, _zstd_error()) as error:
         if isinstance(error, DamagedError):
             raise
-        raise DamagedError(f"{method}: {_one_line(error)}") from error
+        raise DamagedError(f"{method}: {_reason(error)}") from error
     _compare(len(content), size)
     return content
 
@@ -88,7 +89,7 @@ def plain(data: bytes | memoryview, encoding: str) -> bytes | memoryview | Damag
             else _zstd_in_pieces(compressed, LARGEST)
         )
     except (zstandard.ZstdError, MemoryError) as error:
-        return DamagedError(f"zstd: {_one_line(error)}")
+        return DamagedError(f"zstd: {_reason(error)}")
     except DamagedError as error:
         return error
 
@@ -112,7 +113,7 @@ def decompress_file(source: BinaryIO, target: BinaryIO) -> str:
                 piece = frame.unused_data if frame.eof else b""
                 frame = None if frame.eof else frame
     except zstandard.ZstdError as error:
-        return f"zstd: {_one_line(error)}"
+        return f"zstd: {_reason(error)}"
     return "" if frame is None else "it breaks off"
 
 
@@ -195,5 +196,5 @@ def _zstd_error() -> type[Exception]:
     return zstandard.ZstdError
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+def _reason(error: Exception) -> str:
+    return one_line(error) or type(error).__name__

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NamedTuple
 
+from mlscli.errors import one_line
+
 FILE_NAME = "metadata.yaml"
 
 STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
@@ -50,8 +52,9 @@ class Metadata:
             notes.append(f"{folder}: has no {FILE_NAME}; all its .db3 and .mcap files are read")
             return cls()
         except (OSError, yaml.YAMLError, RecursionError, ValueError) as error:
-            reason = " ".join(str(error).split())[:200]
-            notes.append(f"{path}: cannot be read: {reason}; all .db3 and .mcap files are read")
+            notes.append(
+                f"{path}: cannot be read: {one_line(error)}; all .db3 and .mcap files are read"
+            )
             return cls()
         return cls._of(_get(content, "rosbag2_bagfile_information"))
 

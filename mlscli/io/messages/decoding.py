@@ -15,10 +15,11 @@ from typing import Any, Protocol
 
 from rosbags.interfaces import Nodetype
 
+from mlscli.errors import one_line
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.messages.definitions import typestore_of
 from mlscli.io.messages.flat import FlatReader
-from mlscli.io.messages.parts import one_line, seconds
+from mlscli.io.messages.parts import seconds
 
 _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
@@ -54,7 +55,7 @@ class Deserializer:
             raise
         except Exception as error:  # The libraries fail in many ways on what is damaged.
             raise MalformedMessageError(
-                f"is no {message.channel.type} in {message.channel.encoding}: {reason(error)}"
+                f"is no {message.channel.type} in {message.channel.encoding}: {_reason(error)}"
             ) from error
 
     def stamp(self, message: Message) -> float:
@@ -86,9 +87,9 @@ class Deserializer:
         return self._codecs[key]
 
 
-def reason(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     """Say on one line what a library found wrong."""
-    return one_line(str(error)) or f"it is damaged ({type(error).__name__})"
+    return one_line(error) or f"it is damaged ({type(error).__name__})"
 
 
 class _Codec(Protocol):
@@ -167,7 +168,7 @@ def _codec_of(channel: Channel) -> _Codec:
 
             return _Named(reader(channel))
     except Exception as error:  # A damaged definition can fail in any way its parser knows.
-        return _Unreadable(f"the definition of {channel.type} cannot be used: {reason(error)}")
+        return _Unreadable(f"the definition of {channel.type} cannot be used: {_reason(error)}")
     if channel.encoding == "json":
         return _Named(lambda data: json.loads(data, object_hook=_as_object))
     return _Unreadable(

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
+from mlscli.errors import one_line
 from mlscli.io.base import rows_by_first_appearance, side_by_side
 from mlscli.poses import Pose, apply
 from mlscli.typing import Array, Float64
@@ -51,11 +52,6 @@ class Part(NamedTuple):
         if self.keyframes is None or not len(self.points):
             return [self.points]
         return [self.points[rows] for rows in rows_by_first_appearance(self.keyframes)]
-
-
-def one_line(words: str) -> str:
-    """Return words, as of a library or of names that a message holds, as a line not too long."""
-    return " ".join(words.split())[:400].rstrip(".")
 
 
 def part_of(
