@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -18,21 +18,15 @@ from mlscli.io.frames import Mounting
 from mlscli.io.glance import Glance
 from mlscli.io.placing import Asked, Placing
 from mlscli.io.selection import Selection
-from mlscli.io.tally import NO_RETURN, UNPLACED, Tally
-from mlscli.keyframes import FARTHEST, UNKNOWN_POSITION, Keyframe
-from mlscli.poses import turn
+from mlscli.io.sieve import Sieve
+from mlscli.io.tally import UNPLACED, Tally
+from mlscli.io.upright import Upright
+from mlscli.keyframes import UNKNOWN_POSITION, Keyframe
 from mlscli.transforms import bare
-from mlscli.typing import Bool, Float64
-from mlscli.up import UP_AXES, describe
+from mlscli.up import UP_AXES
 
 if TYPE_CHECKING:
     from mlscli.up import Up
-
-Turn: TypeAlias = Callable[[Float64], Float64]
-"""Turns points (N, 3) as recorded so that z points up."""
-
-_Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
-# Why points are dropped, and which are kept.
 
 AUTO = "auto"
 """The value of ``--up`` that asks for the vertical to be found."""
@@ -56,26 +50,28 @@ class Recording:
         The options given that differ from their defaults, as JSON can hold them.
     tally : Tally
         Counts of the current or last pass.
-    up : str
-        Which way of the recording points up: an axis, or the direction that was found.
     """
 
     _sources: Sequence[Source]
     _selection: Selection
     _placing: Placing
-    _turn: Turn
+    _upright: Upright
     _cumulative: bool
     _trajectory: Trajectory | None = None
     _notes: Sequence[str] = ()
     options: dict[str, Any] = field(default_factory=dict)
     tally: Tally = field(default_factory=Tally)
-    up: str = "z"
     _glance: Glance | None = None
 
     @property
     def frame_id(self) -> str:
         """The map frame; "map" where no source names one."""
         return self._placing.frame_id
+
+    @property
+    def up(self) -> str:
+        """Which way of the recording points up: an axis, or the direction that was found."""
+        return self._upright.up
 
     @property
     def sources(self) -> list[str]:
@@ -152,12 +148,12 @@ class Recording:
         """Yield a trajectory that no cloud's time leads to, as keyframes without points."""
         for stamp, *position in trajectory.route.tolist():
             x, y, z = position
-            yield Keyframe(np.empty((0, 3)), stamp, _turned((x, y, z), self._turn))
+            yield Keyframe(np.empty((0, 3)), stamp, self._upright.position((x, y, z)))
 
     def _clouds(self) -> Iterator[Cloud]:
         """Read the clouds of the keyframes, in the map frame and turned; not the attitudes."""
         self.tally = tally = Tally()
-        filters = self._filters()
+        sieve = Sieve(tally, self._selection.crop, cumulative=self._cumulative)
         choose = self._selection.chooser()
 
         def wanted(stamp: float) -> bool:
@@ -173,54 +169,21 @@ class Recording:
                 continue
             tally.keyframes += 1
             tally.points_read += len(cloud.points)
-            placed = self._placed(source, cloud)
+            if self._placing.moves_with_craft(cloud.frame_id):
+                cloud = replace(cloud, points=sieve.returned(cloud.points))
+            placed = self._placing.place(source, cloud)
             if placed is None:
+                tally.unplaced += 1
+                tally.drop(UNPLACED, len(cloud.points))
                 continue
-            points = _without_negative_zeros(self._turn(placed.points))
-            for reason, keeps in filters if _all_measured(points) else (*_UNMEASURED, *filters):
-                kept = keeps(points)
-                dropped = len(points) - int(np.count_nonzero(kept))
-                if dropped:
-                    tally.drop(reason, dropped)
-                    points = points[kept]
+            points = sieve.measured(self._upright.points(placed.points))
             position = UNKNOWN_POSITION
             if placed.has_position:
-                position = _turned(placed.position, self._turn)
+                position = self._upright.position(placed.position)
             yield Cloud(points, placed.stamp, position, placed.frame_id, placed.attitude)
         is_part = self._glance is not None and self._glance.cut
         if tally.points_read == sum(tally.dropped.values()) and not is_part:
             raise InputError(self._emptiness())
-
-    def _placed(self, source: Source, cloud: Cloud) -> Cloud | None:
-        """Return a cloud in the map frame; None where it is not known where it was."""
-        if self._placing.moves_with_craft(cloud.frame_id):
-            returned = _on_any_axis(cloud.points != 0)
-            missing = len(returned) - int(np.count_nonzero(returned))
-            if missing:
-                self.tally.drop(NO_RETURN, missing)
-                cloud = replace(cloud, points=cloud.points[returned])
-        placed = self._placing.place(source, cloud)
-        if placed is None:
-            self.tally.unplaced += 1
-            self.tally.drop(UNPLACED, len(cloud.points))
-        return placed
-
-    def _filters(self) -> list[_Filter]:
-        """Return why points that are measurements are dropped, and which are kept."""
-        filters: list[_Filter] = []
-        if self._selection.crop is not None:
-            low, high = np.array(self._selection.crop, dtype=np.float64).reshape(3, 2).T
-            filters.append(
-                (
-                    "outside the crop",
-                    lambda points: _on_all_axes((low <= points) & (points <= high)),
-                )
-            )
-        if self._cumulative:
-            from mlscli.io.seen import SeenPoints
-
-            filters.append(("repeated", SeenPoints().add))
-        return filters
 
     @property
     def _is_timeless(self) -> bool:
@@ -348,17 +311,14 @@ def open_recording(
     }
     options = {name: value for name, value in given.items() if value is not None}
     notes = list(trajectory.notes) if trajectory else []
+    upright = Upright.along("z" if up == AUTO else up)
     recording = Recording(
-        opened, selection, placing, _as_it_is, cumulative, trajectory, notes, options
+        opened, selection, placing, upright, cumulative, trajectory, notes, options, _glance=glance
     )
-    recording.up, recording._glance = up, glance
     if up == AUTO:
         found = _find_up(recording, trajectory)
-        recording._turn = lambda points: turn(found.matrix, points)
-        recording.up = describe(found.axis)
+        recording._upright = Upright.found(found)
         notes.append(found.summary)
-    elif up != "z":
-        recording._turn = _axes_turned(up)
     return recording
 
 
@@ -377,21 +337,6 @@ def _find_up(recording: Recording, trajectory: Trajectory | None) -> Up:
     return find_up(sample.points, np.array(positions), np.array(turns))
 
 
-def _as_it_is(points: Float64) -> Float64:
-    return points
-
-
-def _axes_turned(up: str) -> Turn:
-    axes, signs = UP_AXES[up]
-    return lambda points: np.take(points, axes, axis=1) * signs
-
-
-def _turned(position: tuple[float, float, float], turned: Turn) -> tuple[float, float, float]:
-    """Turn a position like the points."""
-    x, y, z = (turned(np.array([position])) + 0.0)[0].tolist()
-    return x, y, z
-
-
 def _mounting(extrinsic: Sequence[float] | None) -> Mounting | None:
     if extrinsic is None:
         return None
@@ -407,31 +352,6 @@ def _mounting(extrinsic: Sequence[float] | None) -> Mounting | None:
 
 def _listed(numbers: Sequence[float] | None) -> str | None:
     return None if numbers is None else ",".join(f"{number:g}" for number in numbers)
-
-
-def _without_negative_zeros(points: Float64) -> Float64:
-    # In place, where that is possible, it takes half as long; zeros remain zeros to the source.
-    return np.add(points, 0.0, out=points if points.flags.writeable else None)
-
-
-def _all_measured(points: Float64) -> bool:
-    """Tell whether all points are finite and near enough: mostly they are, and it is soon told."""
-    return not len(points) or bool(points.min() >= -FARTHEST and points.max() <= FARTHEST)
-
-
-def _on_all_axes(holds: Bool) -> Bool:
-    # Three columns are sooner combined than rows of three reduced.
-    return np.asarray(holds[:, 0] & holds[:, 1] & holds[:, 2])
-
-
-def _on_any_axis(holds: Bool) -> Bool:
-    return np.asarray(holds[:, 0] | holds[:, 1] | holds[:, 2])
-
-
-_UNMEASURED: tuple[_Filter, ...] = (
-    ("not finite", lambda points: _on_all_axes(np.isfinite(points))),
-    ("beyond 1e8", lambda points: _on_all_axes(np.abs(points) <= FARTHEST)),
-)
 
 
 def _check_applies(option: str, value: object, applies: Sequence[bool], what: str) -> None:
