@@ -39,8 +39,11 @@ class TransformTree:
 
     def add(
         self, parent: str, child: str, stamps: Float64, translations: Float64, rotations: Float64
-    ) -> int:
+    ) -> None:
         """Tell where a frame was in its parent: T_parent_child over time.
+
+        Left out is what tells nothing: numbers are not finite, a quaternion has no length, or a
+        frame has no name or hangs below itself.
 
         Parameters
         ----------
@@ -50,12 +53,6 @@ class TransformTree:
         translations : float64 (N, 3)
         rotations : float64 (N, 4)
             Quaternions x y z w.
-
-        Returns
-        -------
-        int
-            How many are left out as they tell nothing: numbers are not finite, a quaternion has
-            no length, or a frame has no name or hangs below itself.
         """
         parent, child = bare(parent), bare(child)
         told = tells_pose(stamps, translations, rotations) & _may_hang(parent, child)
@@ -63,24 +60,15 @@ class TransformTree:
             moving = self._moving.setdefault(child, _Moving())
             moving.add(parent, stamps[told], translations[told], rotations[told])
             self._routes.clear()
-        return int(np.count_nonzero(~told))
 
-    def add_static(self, parent: str, child: str, translation: Float64, rotation: Float64) -> int:
-        """Tell where a frame is in its parent at all times: T_parent_child.
-
-        Returns
-        -------
-        int
-            1 where it tells nothing and is left out; see `add`.
-        """
+    def add_static(self, parent: str, child: str, translation: Float64, rotation: Float64) -> None:
+        """Tell where a frame is in its parent at all times: T_parent_child; as `add`."""
         parent, child = bare(parent), bare(child)
         translations, rotations = translation.reshape(1, 3), rotation.reshape(1, 4)
-        if not (tells_pose(np.zeros(1), translations, rotations) & _may_hang(parent, child)).all():
-            return 1
-        poses = Poses(translations, unit(rotations), np.array([True]))
-        self._static[child] = _Static(parent, poses)
-        self._routes.clear()
-        return 0
+        if (tells_pose(np.zeros(1), translations, rotations) & _may_hang(parent, child)).all():
+            poses = Poses(translations, unit(rotations), np.array([True]))
+            self._static[child] = _Static(parent, poses)
+            self._routes.clear()
 
     @property
     def frames(self) -> list[str]:

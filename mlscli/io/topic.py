@@ -182,6 +182,7 @@ class TopicSource:
     ) -> Iterator[tuple[str, StampedPoses]]:
         """Read poses, each with the topic that tells it."""
         unreadable: Counter[str] = Counter()
+        refused: Counter[str] = Counter()
         try:
             for message in self._messages(types, topic):
                 try:
@@ -190,6 +191,7 @@ class TopicSource:
                     unreadable[message.channel.topic] += 1
                     continue
                 for poses in told:
+                    refused[message.channel.topic] += poses.refused
                     stamps = poses.stamps
                     if self._clock == "log":
                         stamps = np.full(len(stamps), message.log_time / _NANOSECONDS)
@@ -198,6 +200,11 @@ class TopicSource:
             lost = [
                 f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
                 for name, count in unreadable.items()
+            ]
+            lost += [
+                f"{self.path}: {name}: {count:,} pose{'s' * (count > 1)} left out, not finite or "
+                "with a quaternion of no length"
+                for name, count in (+refused).items()
             ]
             self._lost_beside |= dict.fromkeys([*self._container.losses, *lost])
 

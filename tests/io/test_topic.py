@@ -293,6 +293,22 @@ def test_transforms_that_cannot_be_read_are_told(tmp_path: Path) -> None:
     assert ["/tf: 1 message cannot be read" in loss for loss in recording.losses] == [True]
 
 
+def test_poses_that_tell_nothing_are_told(tmp_path: Path) -> None:
+    clouds = {"header": {"frame_id": "map"}, "points": [{"x": 1.0}]}
+    good, bad = hanging("map", "base", 1), hanging("map", "base", 2)
+    bad["transform"] = {"rotation": {"w": 0.0}}
+    transforms = [
+        Told("/tf", "tf2_msgs/msg/TFMessage", {"transforms": told}, time)
+        for time, told in enumerate(([good, bad], [bad], [good]))
+    ]
+    bag = write_told(tmp_path / "flight", [*transforms, Told("/c", POINT_CLOUD, clouds)], "ros2")
+
+    recording = open_recording(bag)
+
+    assert len(list(recording.keyframes())) == 1
+    assert ["/tf: 2 poses left out" in loss for loss in recording.losses] == [True]
+
+
 def hanging(parent: str, child: str, nanoseconds: int) -> dict[str, Any]:
     """Return the content of a transform."""
     return {
