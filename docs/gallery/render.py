@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from PIL import Image, ImageDraw
 
+from mlscli.kernels import kernel
 from mlscli.mesh import ROUTE, Mesh
 from mlscli.plot.differences import RING
 from mlscli.typing import Float64, Int64, UInt8
@@ -94,7 +94,7 @@ def _ringed(picture: UInt8, place: Float64) -> UInt8:
     return np.asarray(image)
 
 
-@njit(cache=True)
+@kernel
 def _fill(
     image: Float64,
     depth: Float64,
@@ -132,7 +132,7 @@ def _fill(
                         image[row, column, k] = mixed * light[t]
 
 
-@njit(cache=True)
+@kernel
 def _outline(image: Float64, depth: Float64, jump: float) -> None:
     """Darken what lies in front of something much deeper."""
     rows, columns = depth.shape
@@ -150,7 +150,7 @@ def _outline(image: Float64, depth: Float64, jump: float) -> None:
                     break
 
 
-@njit(cache=True)
+@kernel
 def _stroke(
     image: Float64,
     depth: Float64,

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.cells import cell_indices, on_grid
-from mlscli.kernels import inner, kernel
+from mlscli.kernels import kernel
+from mlscli.pipeline.neighbours import is_at, place
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64, Int32, Int64
 
@@ -87,8 +88,8 @@ def _ground_below(
                 for dy in range(-ring, ring + 1):
                     if max(abs(dx), abs(dy)) != ring:
                         continue
-                    cell = _find(ix, iy, x + dx, y + dy)
-                    if cell >= 0:
+                    cell = place(ix, iy, x + dx, y + dy)
+                    if is_at(ix, iy, cell, x + dx, y + dy):
                         z = height[start[cell] : start[cell + 1]]
                         below = np.searchsorted(z, craft_z[k], side="right")
                         if below > 0:
@@ -97,16 +98,3 @@ def _ground_below(
                 ground[k] = highest
                 break
     return ground
-
-
-@inner
-def _find(ix: Int32, iy: Int32, x: int, y: int) -> int:
-    """Return the number of the cell at (x, y); -1: it holds nothing."""
-    low, high = 0, len(ix)
-    while low < high:
-        middle = (low + high) // 2
-        if ix[middle] < x or (ix[middle] == x and iy[middle] < y):
-            low = middle + 1
-        else:
-            high = middle
-    return low if low < len(ix) and ix[low] == x and iy[low] == y else -1

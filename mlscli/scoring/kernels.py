@@ -8,6 +8,7 @@ import numpy as np
 
 from mlscli.kernels import inner, kernel
 from mlscli.patches import distance
+from mlscli.pipeline.neighbours import onward
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int32, Int64
 
@@ -49,19 +50,10 @@ def nearby(ix: Int32, iy: Int32, other_ix: Int32, other_iy: Int32, reach: int) -
         begin = end = 0
         for i in range(len(ix)):
             x, y = int(ix[i]) + row - reach, int(iy[i])
-            begin = _first_from(begin, other_ix, other_iy, x, y - reach)
-            end = _first_from(end, other_ix, other_iy, x, y + reach + 1)
+            begin = onward(other_ix, other_iy, begin, x, y - reach)
+            end = onward(other_ix, other_iy, end, x, y + reach + 1)
             near[i, row, 0], near[i, row, 1] = begin, end
     return near
-
-
-@inner
-def _first_from(start: int, ix: Int32, iy: Int32, x: int, y: int) -> int:
-    """Return the first patch, from `start` on, whose cell does not come before (x, y)."""
-    i = start
-    while i < len(ix) and (ix[i] < x or (ix[i] == x and iy[i] < y)):
-        i += 1
-    return i
 
 
 @kernel
