@@ -68,18 +68,21 @@ def plot_above(
     if not (shown >= 0).any():
         most = int(np.diff(surface.cells.start).max())
         raise UsageError(f"--level {level}: no cell has as many; this map has up to {most}")
-    west, east, south, north = frame.extent
-    longer = max(east - west, north - south)
-    side = LONGER_SIDE / longer
-    width, length = max((east - west) * side, 2.5), max((north - south) * side, 2.0)
+    width, length = size_of(frame)
     figure = new_figure(width + 1.9, length + 1.3)
     axes = figure.add_subplot()
     draw_above(axes, surface, shown, frame, paint)
     axes.set_title(title, fontsize=10, color=INK)
     _add_legend(axes, surface, shown, paint)
-    if paint.scale is not None and paint.scale.high > paint.scale.low:
-        add_colourbar(figure, axes, paint)
+    add_colourbar(figure, axes, paint)
     return figure
+
+
+def size_of(frame: Frame) -> tuple[float, float]:
+    """Return how wide and how long what is shown is drawn, in inches."""
+    west, east, south, north = frame.extent
+    side = LONGER_SIDE / max(east - west, north - south)
+    return max((east - west) * side, 2.5), max((north - south) * side, 2.0)
 
 
 def new_figure(width: float, length: float) -> Figure:
@@ -122,11 +125,12 @@ def as_colour(rgb: tuple[int, int, int]) -> tuple[float, float, float]:
 
 
 def add_colourbar(figure: Figure, axes: Axes | list[Axes], paint: Paint) -> None:
-    """Add what the colours stand for."""
+    """Add what the colours stand for, where that is a range of values."""
+    if paint.scale is None or not paint.scale.high > paint.scale.low:
+        return
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
 
-    assert paint.scale is not None
     colours = ScalarMappable(
         Normalize(paint.scale.low, paint.scale.high), ListedColormap(height_scale() / 255)
     )

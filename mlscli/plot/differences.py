@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, find_objects, label
 
 from mlscli.mesh.colours import ColourBy, Paint
-from mlscli.plot.above import INK, LONGER_SIDE, add_colourbar, draw_above, new_figure
+from mlscli.plot.above import INK, add_colourbar, draw_above, new_figure, size_of
 from mlscli.plot.relief import Frame, frame_of, shown_patches
 from mlscli.scoring.comparison import matches, require_same_cells
 from mlscli.surface_map import ARTIFICIAL, SurfaceMap
@@ -70,9 +70,7 @@ def plot_differences(
         one, other = (each.take(each.origin != ARTIFICIAL) for each in (one, other))
     frame = frame_of(one, other)
     circles = rings(differing(one, other, frame), frame)
-    west, east, south, north = frame.extent
-    side = LONGER_SIDE / max(east - west, north - south)
-    width, length = max((east - west) * side, 2.5), max((north - south) * side, 2.0)
+    width, length = size_of(frame)
     beside = width <= 1.6 * length
     size = (1.7 * width + 1.6, 0.85 * length + 1) if beside else (width + 1.6, 2 * length + 1.2)
     figure = new_figure(*size)
@@ -88,8 +86,7 @@ def plot_differences(
                 )  # fmt: skip
     said = f"{len(circles)} place{'' if len(circles) == 1 else 's'} where the maps differ"
     figure.supxlabel(said, fontsize=9, color=RING if circles else INK)
-    if paint.scale is not None and paint.scale.high > paint.scale.low:
-        add_colourbar(figure, list(axes), paint)
+    add_colourbar(figure, list(axes), paint)
     return figure
 
 

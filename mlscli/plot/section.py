@@ -143,7 +143,7 @@ def plot_section(
     axes.tick_params(labelsize=8, colors=INK, length=3)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    if colour != "height" and paint.scale is not None and paint.scale.high > paint.scale.low:
+    if colour != "height":
         add_colourbar(figure, axes, paint)
     return figure
 
