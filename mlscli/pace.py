@@ -12,9 +12,8 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from statistics import mean
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +22,9 @@ from mlscli.errors import InputError, UsageError
 from mlscli.pipeline.builder import MapBuilder
 from mlscli.quality import CELL_SIZE, flown
 from mlscli.typing import Float64
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Seconds a batch by its points, read off the figure.
 THESIS: Mapping[int, float] = {
@@ -216,24 +218,8 @@ def to_markdown(pace: Pace, before: Mapping[int, float] | None = None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def picture_kind(name: str) -> str:
-    """Return the kind of picture that a file's ending names, checked before anything is timed.
-
-    Raises
-    ------
-    UsageError
-        Where matplotlib draws no pictures of this kind.
-    """
-    from matplotlib.figure import Figure
-
-    kind, kinds = Path(name).suffix[1:], Figure().canvas.get_supported_filetypes()
-    if kind not in kinds:
-        raise UsageError(f"--plot {name}: expected a name that ends in one of {', '.join(kinds)}")
-    return kind
-
-
-def draw(pace: Pace, stream: BinaryIO, kind: str) -> None:
-    """Draw the times over the sizes, the thesis's beside them, both axes logarithmic."""
+def drawn(pace: Pace) -> Figure:
+    """Return the times over the sizes, the thesis's beside them, both axes logarithmic."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
@@ -247,4 +233,4 @@ def draw(pace: Pace, stream: BinaryIO, kind: str) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.legend()
-    figure.savefig(stream, format=kind)
+    return figure

@@ -23,20 +23,15 @@ if TYPE_CHECKING:
     help="Scenes to fly over, such as bridge,house; by default all but the large village.",
 )
 @click.option(
-    "--outliers",
-    default="0,0.1,0.2,0.3",
-    metavar="LIST",
-    help="Shares of salt and pepper (default: 0,0.1,0.2,0.3).",
+    "--outliers", metavar="LIST", help="Shares of salt and pepper (default: 0,0.1,0.2,0.3)."
 )
-@click.option(
-    "--seeds", default="1", metavar="LIST", help="Seeds, over which the mean is taken (default: 1)."
-)
+@click.option("--seeds", metavar="LIST", help="Seeds, over which the mean is taken (default: 1).")
 @click.option(
     "--sizes",
     metavar="SIZES",
     help="Time batches of so many points: A..B, A..B:STEP or a list; 20..400 are the thesis's.",
 )
-@click.option("--plot", metavar="FILE", help="Draw the times of --sizes.")
+@click.option("--plot", metavar="FILE", help="Draw the times of --sizes: PNG, SVG or PDF.")
 @click.option(
     "--compare", metavar="OLD.json", help="Put the times of an earlier --sizes --json beside."
 )
@@ -47,8 +42,8 @@ if TYPE_CHECKING:
 def command(
     quality: bool,
     scenes: str | None,
-    outliers: str,
-    seeds: str,
+    outliers: str | None,
+    seeds: str | None,
     sizes: str | None,
     plot: str | None,
     compare: str | None,
@@ -75,12 +70,14 @@ def command(
         raise UsageError("mls bench: say what to measure: --quality or --sizes 20..400")
     if quality and (plot or compare):
         raise UsageError("--plot and --compare go with --sizes")
+    if not quality and (scenes or outliers or seeds):
+        raise UsageError("--scenes, --outliers and --seeds go with --quality")
     parameters = load(config, settings)
     for target in (output, plot):
         if target is not None:
             refuse_existing(target, overwrite=overwrite)
     if sizes is None:
-        report = _quality(scenes, outliers, seeds, parameters, as_json)
+        report = _quality(scenes, outliers or "0,0.1,0.2,0.3", seeds or "1", parameters, as_json)
     else:
         report = _pace(sizes, plot, compare, parameters, overwrite, as_json)
     if output is None:
@@ -98,7 +95,7 @@ def _quality(
     from mlscli.errors import UsageError
 
     shares, numbers = _numbers("--outliers", outliers), _numbers("--seeds", seeds)
-    if any(number != int(number) for number in numbers):
+    if not all(number.is_integer() for number in numbers):
         raise UsageError(f"--seeds {seeds}: expected whole numbers")
     names = scenes.split(",") if scenes else quality.SCENES
     with ProgressBar() as progress:
@@ -116,10 +113,11 @@ def _pace(
 ) -> str:
     from mlscli import pace
     from mlscli.errors import InputError
-    from mlscli.io.atomic import atomic_write
+    from mlscli.plot import require_format, write_figure
 
     numbers = pace.parse_sizes(sizes)
-    kind = pace.picture_kind(plot) if plot is not None else ""
+    if plot is not None:
+        require_format(plot)
     before = None
     if compare is not None:
         try:
@@ -129,8 +127,7 @@ def _pace(
     with ProgressBar() as progress:
         found = pace.measured(numbers, parameters, progress)
     if plot is not None:
-        with atomic_write(plot, overwrite=overwrite) as stream:
-            pace.draw(found, stream, kind)
+        write_figure(plot, pace.drawn(found), overwrite=overwrite)
     if as_json:
         return json.dumps(pace.to_dict(found, before), indent=2)
     return pace.to_markdown(found, before)

@@ -79,6 +79,9 @@ def test_the_sizes_of_the_thesis_are_those_of_its_figure() -> None:
         ([], "--quality"),
         (["--quality", "--sizes", "20"], "--quality or"),
         (["--quality", "--plot", "times.png"], "--sizes"),
+        (["--sizes", "20", "--scenes", "bridge"], "--quality"),
+        (["--sizes", "20", "--outliers", "0"], "--quality"),
+        (["--sizes", "20", "--seeds", "2"], "--quality"),
         (["--sizes", "20.."], "A..B"),
         (["--sizes", "0..40"], "A..B"),
         (["--sizes", "0..1000000000000"], "10,000"),
@@ -89,7 +92,10 @@ def test_the_sizes_of_the_thesis_are_those_of_its_figure() -> None:
         (["--quality", "--scenes", "brigde"], "bridge"),
         (["--quality", "--outliers", "many"], "--outliers"),
         (["--quality", "--outliers", "2"], "salt-pepper"),
+        (["--quality", "--outliers", "nan"], "salt-pepper"),
         (["--quality", "--seeds", "1.5"], "--seeds"),
+        (["--quality", "--seeds", "nan"], "--seeds"),
+        (["--quality", "--seeds", "-1"], "--seed"),
     ],
 )
 def test_wrong_usage_is_one_line(tmp_path: Path, options: list[str], said: str) -> None:
