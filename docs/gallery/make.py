@@ -1,7 +1,7 @@
 """Make the pictures of the gallery: ``python -m docs.gallery.make [NAME ...]``.
 
-All come from synthetic scenes; maps and settings are those of `benchmarks.figures`, whose table
-gives the numbers.
+All come from synthetic scenes; those of the figures 3.3 to 3.18 and 6.10 are the maps of
+`benchmarks.figures`, whose table gives the numbers.
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ def hamlet() -> SurfaceMap:
 
 
 def village(settings: Sequence[str]) -> SurfaceMap:
-    """Return the map of the village, a flight in little noise, by the thesis's parameters."""
+    """Return the map of the village, a flight in little noise, by the default stages."""
     noise = Noise(sigma=Scatter(0.03, 0.03), salt_pepper=0.05)
     flight = fly(make("village-thesis"), 0.1, noise, seed=1)
     return mapped(flight, load("default", [*settings, "map.cell_size=0.15"]))
