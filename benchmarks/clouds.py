@@ -1,10 +1,13 @@
-"""The clouds that are measured with."""
+"""The clouds and the map that are measured with."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from mlscli.keyframes import Points
+from mlscli.surface_map import COLUMNS, SurfaceMap
 
 CELL = 0.15
 
@@ -17,3 +20,15 @@ def cloud(size: int, density: float) -> Points:
     z += np.where(rng.random(size) < 0.3, 2.5, 0.0)
     z += np.where(rng.random(size) < 0.1, rng.normal(0, 5 * CELL / 3, size), 0.0)
     return Points(np.column_stack((xy, z)), np.zeros(size, dtype=np.int32))
+
+
+def plain(side: int) -> SurfaceMap:
+    """Return a map of side x side measured patches whose heights all differ."""
+    size = side * side
+    ix, iy = np.divmod(np.arange(size), side)
+    height = 3 * np.sin(ix / 50) * np.cos(iy / 70) + np.random.default_rng(1).normal(0, 0.02, size)
+    columns: dict[str, Any] = {name: np.zeros(size, dtype) for name, dtype in COLUMNS.items()}
+    columns |= {"ix": ix.astype(np.int32), "iy": iy.astype(np.int32), "height": height}
+    columns |= {"top": height, "bottom": height, "mean": height}
+    columns["count"][:] = 1
+    return SurfaceMap(CELL, 0.5, CELL, **columns, route=np.full((1, 4), np.nan))
