@@ -1,6 +1,6 @@
 """How many times the usual distance of points `cell_size: auto` should be.
 
-Run it as ``python benchmarks/cell_size.py``; it takes two minutes. Half of a cell, the measure of
+Run it as ``python benchmarks/cell_size.py``; it takes a minute. Half of a cell, the measure of
 `mls compare --truth`, would favour large cells. Here the measure does not know the cells: maps and
 truth are cut into squares of a third of the thesis's cell, and a height is right within half of
 that cell, 0.075.

@@ -1,4 +1,4 @@
-"""How long all kernels take to compile: ``python -m benchmarks.compiling`` (half a minute).
+"""How long all kernels take to compile: ``python -m benchmarks.compiling`` (a minute).
 
 Commands that use every kernel run in a folder of their own, with an empty cache; what none of them
 uses is named. Printed is the time from the beginning of each compilation to its end.

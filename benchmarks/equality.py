@@ -1,4 +1,4 @@
-"""One map however it is cut: ``python -m benchmarks.equality`` (half an hour).
+"""One map however it is cut: ``python -m benchmarks.equality`` (a quarter of an hour and more).
 
 Recorded clouds grow in batches of many sizes, in the order recorded and shuffled, and are made in
 tiles of many sizes by several threads. Looked at on the way and in the end, each is held against

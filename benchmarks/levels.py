@@ -1,6 +1,6 @@
 """Which levels of quality the default pipeline reaches on scenes with truth.
 
-Run it as ``python benchmarks/levels.py``; it takes about half a minute. Printed are the means over
+Run it as ``python benchmarks/levels.py``; it takes a few seconds. Printed are the means over
 the seeds, or of phantom closings the sums, each beside the level to reach.
 """
 

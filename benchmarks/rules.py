@@ -1,6 +1,6 @@
 """What each rule that betters one of the thesis's is worth, and what else was tried.
 
-Run it as ``python benchmarks/rules.py``; it takes a few minutes. Flights with 10 and 20 % outliers
+Run it as ``python benchmarks/rules.py``; it takes half a minute. Flights with 10 and 20 % outliers
 through the whole pipeline: the thesis's scenes, on which the rules were tuned, and eight others.
 Printed are means over the flights, and sums of patches.
 """

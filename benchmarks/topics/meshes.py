@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from benchmarks.meshes import plain
+from benchmarks.clouds import plain
 from benchmarks.table import Row, Timer, Work
 from mlscli.io.obj import write_obj
 from mlscli.io.ply import write_ply

@@ -1,27 +1,132 @@
-"""Bags to points, beside rosbags alone, which leaves the points where they lie."""
+"""Bags to points, beside rosbags alone, which leaves the points where they lie.
+
+600 PointCloud2 messages of 20,000 points as drivers send them, x, y, z and intensity in float32,
+are written as a ROS 1 bag, a ROS 2 bag and an MCAP file. `open_recording` and its keyframes take
+turns with rosbags' `AnyReader`, which deserializes the messages and does nothing with them. Each
+run is a process of its own: ``python -m benchmarks.topics.reading READER BAG``.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
+from typing import Any
 
-from benchmarks.reading import KINDS, MESSAGES, POINTS, READERS, measure, write
+import numpy as np
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from benchmarks.process import ran
 from benchmarks.table import Row, Timer
+
+MESSAGES, POINTS = 600, 20_000
+TYPE = "sensor_msgs/msg/PointCloud2"
+FLOAT32 = 7
+KINDS = {"ROS 1": "flight.bag", "ROS 2 (SQLite)": "flight", "MCAP": "flight_mcap"}
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield a rate for each kind of recording; each run is a process of its own."""
+    """Yield for each kind of recording the rate, and the peak of memory."""
     for kind, name in KINDS.items():
         with tempfile.TemporaryDirectory() as folder:
             bag = Path(folder, name)
             write(bag, kind)
-            taken: dict[str, list[float]] = {reader: [] for reader in READERS}
+            runs: dict[str, list[tuple[float, float]]] = {reader: [] for reader in READERS}
             for _ in range(timer.repeats):
-                for reader, times in taken.items():
-                    seconds, cpu, _ = measure(reader, bag)
-                    times.append(cpu if timer.cpu else seconds)
-        rates = {reader: MESSAGES * POINTS / median(times) / 1e6 for reader, times in taken.items()}
-        what = f"{kind}, {MESSAGES * POINTS:,} points"
-        yield Row(what, rates["mls"], "M points/s", "rosbags' AnyReader", rates["AnyReader"])
+                for reader, each in runs.items():
+                    each.append(_measured(reader, bag, cpu=timer.cpu))
+        times = (median(seconds for seconds, _ in each) for each in runs.values())
+        mine, other = (MESSAGES * POINTS / seconds / 1e6 for seconds in times)
+        peak, others = (median(most for _, most in each) for each in runs.values())
+        what, instead = f"{kind}, {MESSAGES * POINTS:,} points", "rosbags' AnyReader"
+        yield Row(what, mine, "M points/s", instead, other)
+        yield Row(f"{what}: peak of memory", peak, "MB", instead, others)
+
+
+def write(path: Path, kind: str) -> None:
+    """Write the messages as a recording of a kind."""
+    is_ros1 = kind == "ROS 1"
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.LATEST)
+    plugin = StoragePlugin.MCAP if kind == "MCAP" else StoragePlugin.SQLITE3
+    writer: Any = Writer1(path) if is_ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    serialize = store.serialize_ros1 if is_ros1 else store.serialize_cdr
+    rng = np.random.default_rng(1)
+    with writer:
+        connection = writer.add_connection("/cloud", TYPE, typestore=store)
+        for number in range(MESSAGES):
+            points = rng.uniform(-50, 50, (POINTS, 4)).astype("<f4")
+            content = message(store.types, number, points, is_ros1=is_ros1)
+            writer.write(connection, number * 10**8, serialize(content, TYPE))
+
+
+def message(types: Any, number: int, points: Any, *, is_ros1: bool) -> object:
+    """Return a cloud of float32 (N, 4) in the map's frame."""
+    stamp = types["builtin_interfaces/msg/Time"](sec=number // 10, nanosec=number % 10 * 10**8)
+    sequence = {"seq": number} if is_ros1 else {}
+    header = types["std_msgs/msg/Header"](**sequence, stamp=stamp, frame_id="map")
+    field = types["sensor_msgs/msg/PointField"]
+    return types[TYPE](
+        header=header,
+        height=1,
+        width=len(points),
+        fields=[
+            field(name=name, offset=4 * place, datatype=FLOAT32, count=1)
+            for place, name in enumerate(("x", "y", "z", "intensity"))
+        ],
+        is_bigendian=False,
+        point_step=16,
+        row_step=16 * len(points),
+        data=points.reshape(-1).view(np.uint8),
+        is_dense=True,
+    )
+
+
+def by_mls(path: Path) -> int:
+    """Read the points of all keyframes."""
+    from mlscli import open_recording
+
+    return sum(len(keyframe.points) for keyframe in open_recording(path).keyframes())
+
+
+def by_anyreader(path: Path) -> int:
+    """Deserialize all messages."""
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([path]) as reader:
+        messages: Any = (
+            reader.deserialize(data, connection.msgtype)
+            for connection, _, data in reader.messages()
+        )
+        return sum(message.width for message in messages)
+
+
+READERS: dict[str, Callable[[Path], int]] = {"mls": by_mls, "AnyReader": by_anyreader}
+
+
+def _measured(reader: str, bag: Path, *, cpu: bool) -> tuple[float, float]:
+    """Return the time (s) that a new process takes to read, and its peak of memory (MB)."""
+    run = ran([sys.executable, "-m", "benchmarks.topics.reading", reader, str(bag)])
+    seconds: list[float] = json.loads(run.output)
+    return seconds[cpu], run.peak / 2**20
+
+
+def _main(reader: str, bag: Path) -> None:
+    """Read once to load what is imported late, and once to measure: wall and CPU time (s)."""
+    READERS[reader](bag)
+    begin, cpu = time.perf_counter(), time.process_time()
+    found = READERS[reader](bag)
+    spent = time.perf_counter() - begin, time.process_time() - cpu
+    if found != MESSAGES * POINTS:
+        raise SystemExit(f"{reader} found {found} points in {bag}")
+    sys.stdout.write(json.dumps(spent))
+
+
+if __name__ == "__main__":
+    _main(sys.argv[1], Path(sys.argv[2]))

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from benchmarks.clouds import CELL, cloud
-from benchmarks.meshes import plain
+from benchmarks.clouds import CELL, cloud, plain
 from benchmarks.table import Row, Timer
 from benchmarks.topics.patches import GAP
 from mlscli.config import load, loads
