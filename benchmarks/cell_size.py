@@ -76,8 +76,7 @@ def agreement(flight: Flight, factor: float) -> float:
 def near(patches: Patches, others: Patches, reach: int) -> Bool:
     """Tell which patches the others cover, within the tolerance."""
     around = nearby(patches.ix, patches.iy, others.ix, others.iy, reach)
-    found: Bool = covered(patches.low, patches.high, around, others.low, others.high, TOLERANCE)
-    return found
+    return covered(patches.low, patches.high, around, others.low, others.high, TOLERANCE)
 
 
 def squares(surface: SurfaceMap) -> Patches:

@@ -64,8 +64,7 @@ class Shown:
         mine, true = Patches.of(self.surface), Patches.of(self.true)
         near = nearby(mine.ix, mine.iy, true.ix, true.iy, 1)
         margin = cells * self.surface.cell_size
-        on_one: Bool = covered(mine.low, mine.high, near, true.low, true.high, margin)
-        return ~on_one
+        return ~covered(mine.low, mine.high, near, true.low, true.high, margin)
 
     @cached_property
     def peaks(self) -> int:

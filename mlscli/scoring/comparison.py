@@ -182,7 +182,7 @@ def matches(a: SurfaceMap, b: SurfaceMap) -> tuple[Int64, Int64]:
     _, cells, other_cells = np.intersect1d(
         keys, other_keys, assume_unique=True, return_indices=True
     )
-    matched: Int64 = match(
+    matched = match(
         a.height, a.cells.start, b.height, b.cells.start, cells, other_cells, a.gap_size
     )
     in_a = np.flatnonzero(matched >= 0)

@@ -227,12 +227,10 @@ def _correct(mine: Patches, true: Patches, half: float) -> Bool:
 
 def _covered(patches: Patches, others: Patches, half: float, reach: int) -> Bool:
     near = nearby(patches.ix, patches.iy, others.ix, others.iy, reach)
-    result: Bool = covered(patches.low, patches.high, near, others.low, others.high, half)
-    return result
+    return covered(patches.low, patches.high, near, others.low, others.high, half)
 
 
 def _nearest(flat: Patches, others: Patches, half: float) -> Int64:
     """Return for each flat patch the nearest of its cell within half a cell; -1: none."""
     near = nearby(flat.ix, flat.iy, others.ix, others.iy, 0)
-    result: Int64 = nearest(flat.high, near, others.low, others.high, half)
-    return result
+    return nearest(flat.high, near, others.low, others.high, half)
