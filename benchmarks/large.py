@@ -1,4 +1,4 @@
-"""A cloud larger than memory: ``python benchmarks/large.py --points 100e6 --memory 2G``.
+"""A cloud larger than memory: ``python -m benchmarks.large --memory 2G``.
 
 A survey flight over a hilly plain is written as a ROS 1 bag, lane by lane, and built with
 ``--memory``; printed are the time and the greatest resident size of the process.
@@ -6,17 +6,15 @@ A survey flight over a hilly plain is written as a ROS 1 bag, lane by lane, and 
 
 from __future__ import annotations
 
-import resource
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import click
 import numpy as np
 from numpy.lib.recfunctions import unstructured_to_structured
 
+from benchmarks.process import ran
 from mlscli.io.bagwriter import CLOUD_TYPE, BagWriter
 
 CELL, POINTS_PER_CELL, MESSAGE, LANES = 0.1, 10, 200_000, 20
@@ -49,17 +47,14 @@ def main(points: float, memory: str, preset: str, jobs: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder, "survey.bag")
         write_survey(bag, int(points))
-        begin = time.perf_counter()
         command = [sys.executable, "-m", "mlscli", "build", str(bag), "-o", f"{folder}/map.npz"]
         command += ["--memory", memory, "--jobs", str(jobs), "--scratch", folder, "-c", preset]
         command += ["--set", f"map.cell_size={CELL}", *SETTINGS[preset]]
-        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-        seconds = time.perf_counter() - begin
-        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
+        run = ran(command)
         sizes = [path.stat().st_size / 2**30 for path in (bag, Path(folder, "map.npz"))]
-    click.echo(done.stdout)
-    click.echo(f"{seconds:.0f} s, {points / seconds:,.0f} points/s")
-    click.echo(f"{peak:.2f} GB resident at most, of {memory}")
+    click.echo(run.output)
+    click.echo(f"{run.seconds:.0f} s, {points / run.seconds:,.0f} points/s")
+    click.echo(f"{run.peak / 2**30:.2f} GB resident at most, of {memory}")
     click.echo(f"bag {sizes[0]:.2f} GB, map {sizes[1]:.2f} GB")
 
 
