@@ -78,10 +78,7 @@ def _added(records: Any, new: Any, gap_size: float, thickness: float) -> Array:
     together = np.empty(len(records) + len(measured), dtype=records.dtype)
     size = i = first = ZERO
     while i < len(records) or first < len(measured):
-        if first == len(measured) or (i < len(records) and records[i].cell < measured[first].cell):
-            cell = records[i].cell
-        else:
-            cell = measured[first].cell
+        cell = _next_cell(records, i, measured, first)
         begin, last = size, first
         while last < len(measured) and measured[last].cell == cell:
             together[size] = measured[last]
@@ -105,24 +102,27 @@ def _added(records: Any, new: Any, gap_size: float, thickness: float) -> Array:
 
 
 @inner
+def _next_cell(records: Any, i: int, others: Any, j: int) -> Any:
+    """Return the lower of the cells that come next in two lots of patches, of which one may end."""
+    if j == len(others) or (i < len(records) and records[i].cell < others[j].cell):
+        return records[i].cell
+    return others[j].cell
+
+
+@inner
 def _sort_cell(records: Any, begin: int, end: int) -> None:
     """Sort the patches of a cell as maps have them, by insertion: they are few."""
     for i in range(begin + 1, end):
         j = i
-        while j > begin and _comes_before(records[j], records[j - 1]):
+        while j > begin and _rank(records[j]) < _rank(records[j - 1]):
             _swap(records, j, j - 1)
             j -= 1
 
 
 @inner
-def _comes_before(one: Any, other: Any) -> bool:
-    if one.height != other.height:
-        return bool(one.height < other.height)
-    if one.depth != other.depth:
-        return bool(one.depth < other.depth)
-    if one.origin != other.origin:
-        return bool(one.origin < other.origin)
-    return bool(one["count"] < other["count"])
+def _rank(patch: Any) -> tuple[float, float, int, int]:
+    """Return what patches of one cell are sorted by, as in `file_order`."""
+    return patch.height, patch.depth, patch.origin, patch["count"]
 
 
 @inner
@@ -145,10 +145,7 @@ def _linked(
     order = np.empty(len(linked), dtype=np.int64)
     size = i = j = ZERO
     while i < len(records) or j < len(others):
-        if j == len(others) or (i < len(records) and records[i].cell < others[j].cell):
-            cell = records[i].cell
-        else:
-            cell = others[j].cell
+        cell = _next_cell(records, i, others, j)
         several = ZERO
         while i < len(records) and records[i].cell == cell:
             if records[i].origin == MEASURED:
@@ -197,13 +194,8 @@ def _lies_below(one: int, other: int, records: Any, others: Any) -> bool:
     """
     mine = records[one] if one < len(records) else others[one - len(records)]
     its = records[other] if other < len(records) else others[other - len(records)]
-    if mine.bottom != its.bottom:
-        return bool(mine.bottom < its.bottom)
-    if mine.top != its.top:
-        return bool(mine.top < its.top)
-    if mine["count"] != its["count"]:
-        return bool(mine["count"] < its["count"])
-    return bool(mine.mean < its.mean)
+    ends = mine.bottom, mine.top, mine["count"], mine.mean
+    return ends < (its.bottom, its.top, its["count"], its.mean)
 
 
 @inner
