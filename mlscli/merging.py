@@ -234,15 +234,10 @@ def _inserted(surface: SurfaceMap) -> SurfaceMap:
 def _apart(inserted: SurfaceMap, measured: SurfaceMap) -> SurfaceMap:
     """Return the inserted patches that are more than `gap_size` from all measured heights."""
     near = within_gap(
-        pack(inserted.ix, inserted.iy),
-        inserted.low_end,
-        inserted.height,
-        pack(measured.cells.ix, measured.cells.iy),
-        measured.cells.start,
-        measured.bottom,
-        measured.top,
+        *inserted.cells, inserted.low_end, inserted.height,
+        *measured.cells, measured.bottom, measured.top,
         inserted.gap_size,
-    )
+    )  # fmt: skip
     return inserted.take(~near)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mlscli.kernels import kernel
-from mlscli.typing import Array, Bool, Float64, Int64
+from mlscli.neighbours import is_at, onward
+from mlscli.typing import Array, Bool, Float64, Int32, Int64
 
 
 def runs(keys: Array) -> Int64:
@@ -69,34 +70,30 @@ def distance(low: float, high: float, other_low: float, other_high: float) -> fl
 
 @kernel
 def within_gap(
-    keys: Array,
+    ix: Int32,
+    iy: Int32,
+    start: Int64,
     low: Float64,
     high: Float64,
-    cells: Array,
-    start: Int64,
+    other_ix: Int32,
+    other_iy: Int32,
+    other_start: Int64,
     other_low: Float64,
     other_high: Float64,
     gap_size: float,
 ) -> Bool:
-    """Tell which patches are within `gap_size` of one of the others in their cell.
+    """Tell which intervals in cells are within `gap_size` of one of the others in their cell.
 
-    Parameters
-    ----------
-    keys : uint64 (P,)
-        Packed cells of the patches, ascending.
-    cells : uint64 (C,)
-        Packed cells of the others, ascending; those of cell c are ``start[c]`` to
-        ``start[c + 1]``.
+    Of both, the cells are given as `file_order.Columns`.
     """
-    near = np.zeros(len(keys), dtype=np.bool_)
-    cell = 0
-    for i in range(len(keys)):
-        while cell < len(cells) and cells[cell] < keys[i]:
-            cell += 1
-        if cell == len(cells):
-            break
-        if cells[cell] == keys[i]:
-            for j in range(start[cell], start[cell + 1]):
+    near = np.zeros(len(low), dtype=np.bool_)
+    there = 0
+    for cell in range(len(ix)):
+        there = onward(other_ix, other_iy, there, ix[cell], iy[cell])
+        if not is_at(other_ix, other_iy, there, ix[cell], iy[cell]):
+            continue
+        for i in range(start[cell], start[cell + 1]):
+            for j in range(other_start[there], other_start[there + 1]):
                 if distance(low[i], high[i], other_low[j], other_high[j]) <= gap_size:
                     near[i] = True
     return near

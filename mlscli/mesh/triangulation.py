@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.kernels import inner, kernel
-from mlscli.pipeline.neighbours import shifted
+from mlscli.neighbours import shifted
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int64
 

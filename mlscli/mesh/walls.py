@@ -20,7 +20,7 @@ import numpy as np
 
 from mlscli.kernels import inner, kernel
 from mlscli.mesh.triangulation import NONE, Nodes
-from mlscli.pipeline.neighbours import shifted
+from mlscli.neighbours import shifted
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int64
 

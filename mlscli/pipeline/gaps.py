@@ -15,9 +15,9 @@ import numpy as np
 
 from mlscli.file_order import Columns
 from mlscli.kernels import inner, kernel
+from mlscli.neighbours import links
 from mlscli.parameters import Cells, Length, comparable, in_units, parameter, whole_cells
-from mlscli.patches import distance
-from mlscli.pipeline.neighbours import is_at, links, onward
+from mlscli.patches import distance, within_gap
 from mlscli.pipeline.ordering import order_by_cell
 from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
@@ -308,40 +308,14 @@ def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = Non
     order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
     inserted = inserted.take(order)
     cells, low, high = Columns.of(inserted.ix, inserted.iy), inserted.low_end, inserted.height
-    stays = np.ones(len(high), dtype=np.bool_)
-    _keep_apart(*cells, low, high, *surface.cells, surface.low_end, surface.height, gap_size, stays)
+    mine = *cells, low, high
+    near = within_gap(*mine, *surface.cells, surface.low_end, surface.height, gap_size)
     if holes is not None:
         there = Columns.of(holes.ix, holes.iy)
-        _keep_apart(*cells, low, high, *there, holes.low_end, holes.height, gap_size, stays)
+        near |= within_gap(*mine, *there, holes.low_end, holes.height, gap_size)
+    stays = ~near
     _choose_from_above(cells.start, low, *inserted[2:], gap_size, stays)
     return inserted.take(stays)
-
-
-@kernel
-def _keep_apart(
-    ix: Int32,
-    iy: Int32,
-    start: Int64,
-    low: Float64,
-    high: Float64,
-    other_ix: Int32,
-    other_iy: Int32,
-    other_start: Int64,
-    other_low: Float64,
-    other_high: Float64,
-    gap_size: float,
-    stays: Bool,
-) -> None:
-    """Let nothing stay within `gap_size` of one of the others in its cell."""
-    there = 0
-    for cell in range(len(ix)):
-        there = onward(other_ix, other_iy, there, ix[cell], iy[cell])
-        if not is_at(other_ix, other_iy, there, ix[cell], iy[cell]):
-            continue
-        for i in range(start[cell], start[cell + 1]):
-            for j in range(other_start[there], other_start[there + 1]):
-                if distance(low[i], high[i], other_low[j], other_high[j]) <= gap_size:
-                    stays[i] = False
 
 
 @kernel

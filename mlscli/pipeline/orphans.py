@@ -13,9 +13,9 @@ from typing import ClassVar
 import numpy as np
 
 from mlscli.kernels import kernel
+from mlscli.neighbours import onward, place
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.patches import distance
-from mlscli.pipeline.neighbours import onward, place
 from mlscli.pipeline.stage import MapStage
 from mlscli.surface_map import SurfaceMap
 from mlscli.threads import LIGHT, in_ranges

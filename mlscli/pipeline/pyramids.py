@@ -21,9 +21,9 @@ from typing import ClassVar
 import numpy as np
 
 from mlscli.kernels import inner, kernel
+from mlscli.neighbours import is_at, onward, place
 from mlscli.parameters import Length, comparable, in_units, parameter
 from mlscli.patches import distance
-from mlscli.pipeline.neighbours import is_at, onward, place
 from mlscli.pipeline.stage import Fault, MapStage
 from mlscli.surface_map import SurfaceMap
 from mlscli.threads import LIGHT, in_ranges

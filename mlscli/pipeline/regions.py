@@ -19,9 +19,9 @@ from typing import ClassVar
 import numpy as np
 
 from mlscli.kernels import inner, kernel
+from mlscli.neighbours import beside
 from mlscli.parameters import Cells, Length, in_units, parameter
 from mlscli.patches import distance
-from mlscli.pipeline.neighbours import beside
 from mlscli.pipeline.stage import MapStage
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int32, Int64

@@ -25,6 +25,7 @@ import numpy as np
 
 from mlscli.file_order import Columns
 from mlscli.kernels import kernel
+from mlscli.neighbours import onward, place
 from mlscli.parameters import Length, in_units, parameter
 from mlscli.pipeline.gaps import (
     GapStage,
@@ -35,7 +36,6 @@ from mlscli.pipeline.gaps import (
     close_gaps,
     settle,
 )
-from mlscli.pipeline.neighbours import onward, place
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Float64, Int32, Int64
