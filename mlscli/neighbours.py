@@ -45,8 +45,10 @@ def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
 
 
 @inner
-def place(ix: Int32, iy: Int32, x: Index, y: Index) -> int:
-    """Return the first cell of all that does not come before (x, y)."""
+def sought(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
+    """Return the first cell, from one on or (-1) of all, that does not come before (x, y)."""
+    if cell >= 0:
+        return onward(ix, iy, cell, x, y)
     begin, end = 0, len(ix)
     while begin < end:
         middle = (begin + end) // 2

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from mlscli.kernels import kernel
-from mlscli.neighbours import onward, place
+from mlscli.neighbours import sought
 from mlscli.parameters import Cells, Length, in_units, parameter, whole_cells
 from mlscli.patches import distance
 from mlscli.pipeline.stage import MapStage
@@ -87,9 +87,7 @@ def _look_around(
                     break
                 column %= columns
                 x = np.int64(ix[cell]) + column - half_x
-                if first[column] < 0:
-                    first[column] = place(ix, iy, x, lowest)
-                there = onward(ix, iy, first[column], x, lowest)
+                there = sought(ix, iy, first[column], x, lowest)
                 first[column] = there
                 while (
                     neighbours < min_neighbours

@@ -21,7 +21,7 @@ from typing import ClassVar
 import numpy as np
 
 from mlscli.kernels import inner, kernel
-from mlscli.neighbours import is_at, onward, place
+from mlscli.neighbours import is_at, sought
 from mlscli.parameters import Length, comparable, in_units, parameter
 from mlscli.patches import distance
 from mlscli.pipeline.stage import Fault, MapStage
@@ -109,9 +109,7 @@ def _lower(
     left = right = -1
     for cell in range(begin, end):
         x, y = np.int64(ix[cell]), np.int64(iy[cell])
-        if cell == begin:
-            left, right = place(ix, iy, x - 1, y), place(ix, iy, x + 1, y)
-        left, right = onward(ix, iy, left, x - 1, y), onward(ix, iy, right, x + 1, y)
+        left, right = sought(ix, iy, left, x - 1, y), sought(ix, iy, right, x + 1, y)
         if not (
             is_at(ix, iy, left, x - 1, y)
             and is_at(ix, iy, right, x + 1, y)

@@ -25,7 +25,7 @@ import numpy as np
 
 from mlscli.file_order import Columns
 from mlscli.kernels import kernel
-from mlscli.neighbours import onward, place
+from mlscli.neighbours import sought
 from mlscli.parameters import Length, in_units, parameter
 from mlscli.pipeline.gaps import (
     GapStage,
@@ -135,9 +135,7 @@ def _draw_out(
             lowest, highest = low[i], high[i]
             for column in range(3 if depth[i] > 0 else 0):
                 # The cells of a column follow each other: what comes before them only moves on.
-                if first[column] < 0:
-                    first[column] = place(ix, iy, x + column - 1, y - 1)
-                there = onward(ix, iy, first[column], x + column - 1, y - 1)
+                there = sought(ix, iy, first[column], x + column - 1, y - 1)
                 first[column] = there
                 while there < len(ix) and ix[there] == x + column - 1 and iy[there] <= y + 1:
                     for j in range(start[there], start[there + 1]):
