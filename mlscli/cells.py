@@ -49,6 +49,15 @@ def key_of(ix: int, iy: int) -> np.uint64:
     return np.uint64(np.uint64(ix - LEAST) << np.uint64(32) | np.uint64(iy - LEAST))
 
 
+@inner
+def cell_of(key: np.uint64) -> tuple[int, int]:
+    """Return the indices (ix, iy) of the cell with a packed key."""
+    return (
+        np.int64(key >> np.uint64(32)) + LEAST,  # type: ignore[return-value]
+        np.int64(key & np.uint64(0xFFFFFFFF)) + LEAST,
+    )
+
+
 @kernel
 def pack(ix: Array, iy: Array) -> UInt64:
     """Return the packed keys of cells; `ix` and `iy` are within int32."""
@@ -63,8 +72,7 @@ def unpack(keys: UInt64) -> tuple[Int32, Int32]:
     """Return the indices (ix, iy) of packed keys."""
     ix, iy = np.empty(len(keys), dtype=np.int32), np.empty(len(keys), dtype=np.int32)
     for i in range(len(keys)):
-        ix[i] = np.int64(keys[i] >> np.uint64(32)) + LEAST
-        iy[i] = np.int64(keys[i] & np.uint64(0xFFFFFFFF)) + LEAST
+        ix[i], iy[i] = cell_of(keys[i])
     return ix, iy
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.cells import LEAST, key_of
+from mlscli.cells import cell_of, key_of
 from mlscli.kernels import kernel
 from mlscli.surface_map import COLUMNS, SurfaceMap
 from mlscli.typing import Array, Float64, Int32, UInt8, UInt32, UInt64
@@ -117,8 +117,7 @@ def _taken_apart(records: Any) -> Any:
     first, last = np.empty(size, np.int32), np.empty(size, np.int32)
     for i in range(size):
         patch = records[i]
-        ix[i] = np.int64(patch.cell >> np.uint64(32)) + LEAST
-        iy[i] = np.int64(patch.cell & np.uint64(0xFFFFFFFF)) + LEAST
+        ix[i], iy[i] = cell_of(patch.cell)
         height[i], depth[i] = patch.height, patch.depth
         top[i], bottom[i] = patch.top, patch.bottom
         mean[i], variance[i] = patch.mean, patch.variance

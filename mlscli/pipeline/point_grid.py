@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.cells import pack
+from mlscli.cells import cell_of, pack
 from mlscli.kernels import inner, kernel
 from mlscli.pipeline.ordering import cells_of, order_by_cell
 from mlscli.threads import in_ranges
@@ -103,10 +103,9 @@ def _divided(start: Int64) -> tuple[Int64, Int64]:
 
 
 @inner
-def corner(key: int, side: float) -> tuple[float, float]:
+def corner(key: np.uint64, side: float) -> tuple[float, float]:
     """Return the least x and y of a column."""
-    ix = np.int64(key >> np.uint64(32)) - 2**31
-    iy = np.int64(key & np.uint64(0xFFFFFFFF)) - 2**31
+    ix, iy = cell_of(key)
     return ix * side, iy * side
 
 
