@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.typing import Float64, Int32
+from mlscli.typing import Bool, Float64, Int32, Int64
 
 FARTHEST = 1e8
 """Beyond this, a coordinate is no measurement."""
@@ -58,6 +58,10 @@ class Points(NamedTuple):
     def size(self) -> int:
         """How many points these are."""
         return len(self.xyz)
+
+    def take(self, which: Bool | Int64 | slice) -> Points:
+        """Return the points that a mask, indices or a slice choose."""
+        return Points(self.xyz[which], self.keyframe[which])
 
 
 class Batch(NamedTuple):

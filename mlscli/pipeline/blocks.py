@@ -7,9 +7,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mlscli.cells import GREATEST, LEAST, Limits, cell_indices, pack, unpack
+from mlscli.cells import GREATEST, LEAST, Limits, pack, unpack
 from mlscli.keyframes import Points
 from mlscli.patches import runs
+from mlscli.pipeline.ordering import cells_of
 from mlscli.typing import Array, Int32, Int64, UInt64
 
 # A block is 2**4 cells wide: a fraction of the margin that the default pipeline needs.
@@ -80,8 +81,8 @@ class PointBlocks:
 
     def add(self, points: Points) -> None:
         """Add points, all of them on the grid."""
-        index = cell_indices(points.xyz[:, :2], self._cell_size).astype(np.int32) >> self.shift
-        keys = pack(index[:, 0], index[:, 1])
+        ix, iy = cells_of(points.xyz, self._cell_size)
+        keys = pack(ix >> self.shift, iy >> self.shift)
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
         records = np.empty(points.size, POINT)
@@ -109,10 +110,8 @@ class PointBlocks:
         blocks = Limits(*(None if end is None else end >> self.shift for end in limits))
         parts = [part for run in self._runs for part in _slices(run, blocks)]
         records = np.concatenate([np.empty(0, POINT), *parts])
-        xyz = np.ascontiguousarray(records["xyz"])
-        index = cell_indices(xyz[:, :2], self._cell_size).astype(np.int32)
-        inside = limits.contain(index[:, 0], index[:, 1])
-        return Points(xyz[inside], records["keyframe"][inside])
+        points = Points(np.ascontiguousarray(records["xyz"]), records["keyframe"])
+        return points.take(limits.contain(*cells_of(points.xyz, self._cell_size)))
 
 
 def _slices(run: Run, limits: Limits) -> Iterator[Array]:

@@ -187,7 +187,7 @@ class MapBuilder:
         points = batch.points
         if not inside.all():
             self.report.drop(BEYOND_GRID, int(np.count_nonzero(~inside)))
-            points = Points(points.xyz[inside], points.keyframe[inside])
+            points = points.take(inside)
         self._batches.append(points)
 
     def _grow(self) -> Change:

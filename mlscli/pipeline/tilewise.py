@@ -23,7 +23,7 @@ from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.surface_map import SurfaceMap
 from mlscli.threads import in_turn
-from mlscli.typing import Bool
+from mlscli.typing import Bool, Int32
 
 
 class Evaluated(NamedTuple):
@@ -160,13 +160,13 @@ def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> Evaluated:
     report = Report()
     pipeline, cell_size = pipeline.reporting_to(report), pipeline.cell_size
     margin = pipeline.reach
-    inside = _count(points, limits, cell_size)
+    inside = _count(limits, *cells_of(points.xyz, cell_size))
     for filtering in pipeline.point_stages:
         margin -= filtering.reach(cell_size)
         points = pipeline.filtered(filtering, points)
-        kept = _within(points, limits.widened(margin), cell_size)
-        points = Points(points.xyz[kept], points.keyframe[kept])
-        before, inside = inside, _count(points, limits, cell_size)
+        cells = cells_of(points.xyz, cell_size)
+        points = points.take(limits.widened(margin).contain(*cells))
+        before, inside = inside, _count(limits, *cells)
         report.drop(filtering.name, before - inside)
     surface = pipeline.grouped(points)
     for stage in pipeline.map_stages:
@@ -231,9 +231,5 @@ def _in_cells(blocks: Limits, shift: int) -> Limits:
     return Limits(low[0], high[0], low[1], high[1])
 
 
-def _within(points: Points, limits: Limits, cell_size: float) -> Bool:
-    return limits.contain(*cells_of(points.xyz, cell_size))
-
-
-def _count(points: Points, limits: Limits, cell_size: float) -> int:
-    return int(np.count_nonzero(_within(points, limits, cell_size)))
+def _count(limits: Limits, ix: Int32, iy: Int32) -> int:
+    return int(np.count_nonzero(limits.contain(ix, iy)))

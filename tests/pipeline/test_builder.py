@@ -120,7 +120,7 @@ def test_shuffling_and_turning_the_points_shuffles_and_turns_the_map(seed: int) 
     given_parameters = parameters(EVERYTHING)
     surface = built(keyframes_of(points), given_parameters)
     order = rng.permutation(points.size)
-    shuffled = Points(points.xyz[order], points.keyframe[order])
+    shuffled = points.take(order)
     assert built(keyframes_of(shuffled), given_parameters) == surface
     for symmetry in symmetries():
         turned = built(keyframes_of(turned_points(points, symmetry)), given_parameters)

@@ -39,8 +39,8 @@ def measured(points: Points) -> SurfaceMap:
 
 
 def split(points: Points, first: Bool) -> tuple[Points, Points]:
-    one = Points(points.xyz[first], points.keyframe[first])
-    return one, Points(points.xyz[~first], points.keyframe[~first])
+    one = points.take(first)
+    return one, points.take(~first)
 
 
 def test_patches_agree_with_the_model_read_plainly() -> None:
@@ -74,7 +74,7 @@ def test_shuffling_and_turning_the_points_turns_the_map() -> None:
         points = random_points(rng)
         surface = measured(points)
         order = rng.permutation(points.size)
-        assert measured(Points(points.xyz[order], points.keyframe[order])) == surface
+        assert measured(points.take(order)) == surface
         for symmetry in symmetries():
             assert measured(turned_points(points, symmetry)) == turned_map(surface, symmetry)
 

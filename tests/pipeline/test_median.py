@@ -104,7 +104,7 @@ def test_turning_and_shuffling_the_points_turns_and_shuffles_the_result() -> Non
         stage = Median(0.7, 5, 2)
         result = stage.apply(points, 0.5)
         order = rng.permutation(points.size)
-        shuffled = stage.apply(Points(points.xyz[order], points.keyframe[order]), 0.5)
+        shuffled = stage.apply(points.take(order), 0.5)
         assert sorted(rows(shuffled)) == sorted(rows(result))
         for symmetry in symmetries():
             turned = stage.apply(turned_points(points, symmetry), 0.5)
@@ -135,7 +135,7 @@ def test_points_reach_no_farther_than_declared() -> None:
         everything = stage.apply(points, cell_size)
         for one, other in ((alone, everything), (everything, alone)):
             inside = (np.floor(one.xyz[:, :2] / cell_size) == 0).all(axis=1)
-            assert set(rows(Points(one.xyz[inside], one.keyframe[inside]))) <= set(rows(other))
+            assert set(rows(one.take(inside))) <= set(rows(other))
 
 
 def test_as_many_neighbours_as_count_at_most_may_be_asked_for() -> None:

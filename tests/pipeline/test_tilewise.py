@@ -32,7 +32,7 @@ def two_runs(points: Points, shift: int) -> PointBlocks:
     blocks = PointBlocks(CELL, shift=shift)
     half = points.size // 2
     for part in (slice(0, half), slice(half, None)):
-        blocks.add(Points(points.xyz[part], points.keyframe[part]))
+        blocks.add(points.take(part))
     return blocks
 
 
@@ -83,7 +83,7 @@ def test_points_are_had_by_area_from_however_many_runs() -> None:
         blocks = PointBlocks(0.5, shift=shift)
         for begin in range(0, 400, 80):
             part = slice(begin, begin + 80)
-            blocks.add(Points(points.xyz[part], points.keyframe[part]))
+            blocks.add(points.take(part))
         blocks.add(gather([]).points)
         assert blocks.occupied().points.sum() == 400
         for _ in range(20):
