@@ -38,7 +38,7 @@ def is_at(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> bool:
 
 @inner
 def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
-    """Return the first cell, from one on, that does not come before (x, y)."""
+    """Return the first cell, from one on, that does not come before (x, y); cells may repeat."""
     while cell < len(ix) and (ix[cell] < x or (ix[cell] == x and iy[cell] < y)):
         cell += 1
     return cell

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlscli.kernels import inner, kernel
+from mlscli.neighbours import onward
 from mlscli.patches import distance
 from mlscli.pipeline.neighbours import onward
 from mlscli.surface_map import SurfaceMap
