@@ -183,15 +183,10 @@ def _check_together(
     scratch: str | None,
 ) -> None:
     """Refuse options that do not go with a map that is made batch by batch."""
-    for option, value in (("--jobs", jobs), ("--scheduler", scheduler), ("--memory", memory)):
-        if value is not None and parameters.mode == "sequential":
-            raise UsageError(
-                f"{option}: a sequential map is made batch by batch; set mode=consistent"
-            )
-        if value is not None and followed:
-            raise UsageError(
-                f"{option}: does not go with --growing or --replay; leave one of them out"
-            )
+    from mlscli.pipeline.builder import check_workers
+
+    workers = {"--jobs": jobs, "--scheduler": scheduler, "--memory": memory}
+    check_workers(parameters, workers, "--growing or --replay" if followed else "")
     if scheduler is not None:
         from mlscli.pipeline.connection import LOCAL, check_address
 

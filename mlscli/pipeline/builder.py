@@ -78,7 +78,8 @@ class MapBuilder:
     Raises
     ------
     UsageError
-        Where `cell_size` is ``auto``; where points are given once the map is finished.
+        Where `cell_size` is ``auto``; where `jobs` or `cluster` would have nothing to do; where
+        points are given once the map is finished.
 
     Examples
     --------
@@ -100,6 +101,10 @@ class MapBuilder:
         jobs: int | None = None,
         cluster: Cluster | None = None,
     ) -> None:
+        if jobs is not None and cluster is not None:
+            raise UsageError("jobs: a cluster's workers have threads; leave one of them out")
+        followed = "" if follow is None else "follow"
+        check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
         self.parameters = parameters
         self.report = Report()
         self._sources = list(sources)
@@ -264,6 +269,30 @@ class MapBuilder:
         }
 
 
+def check_workers(parameters: Parameters, workers: Mapping[str, object], followed: str) -> None:
+    """Refuse workers who would have nothing to do: the map is made batch by batch.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    workers : mapping
+        By what the user calls them; None: not asked for.
+    followed : str
+        What the user calls that for which the map grows; empty: nothing.
+
+    Raises
+    ------
+    UsageError
+    """
+    for name in [name for name, asked_for in workers.items() if asked_for is not None]:
+        if parameters.mode == "sequential":
+            raise UsageError(
+                f"{name}: a sequential map is made batch by batch; set mode=consistent"
+            )
+        if followed:
+            raise UsageError(f"{name}: does not go with {followed}; leave one of them out")
+
+
 def build(
     recording: Recording,
     parameters: Parameters | None = None,
@@ -300,11 +329,13 @@ def build(
     MlsError
         Where the recording cannot be read, the parameters do not go together, or nothing is left.
     """
+    parameters = Parameters() if parameters is None else parameters
+    followed = "" if follow is None else "follow"
+    check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, followed)
     if isinstance(scheduler, str):
         # Whether it answers shows before anything is read.
         with connected(scheduler) as cluster:
-            return build(recording, parameters, progress, follow, scheduler=cluster)
-    parameters = Parameters() if parameters is None else parameters
+            return build(recording, parameters, progress, follow, jobs, cluster)
     reading = Report()
     held: Iterator[Keyframe] | None = None
     if parameters.map.cell_size == "auto":

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ pipeline:
 """
 REGIONS = "  - regions: {height_thresh: 0.3, min_size: 2, snap: true}\n"
 NO_MEDIAN = EVERYTHING.replace("  - median: {nb_radius: 0.8, max_nb: 6, min_nb: 2}\n", "")
+SAMPLE = Path(__file__).resolve().parents[2] / "data/samples/bridge.txt"
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -214,6 +216,29 @@ def test_a_finished_map_stays_what_it_is(looks: bool) -> None:
 def test_a_growing_map_needs_a_number_for_its_cell_size() -> None:
     with pytest.raises(UsageError, match="cell_size"):
         MapBuilder(Parameters())
+
+
+@pytest.mark.parametrize("workers", [{"jobs": 2}, {"scheduler": "tcp://nowhere:1"}])
+def test_workers_for_a_map_that_grows_batch_by_batch_are_refused_unread(
+    workers: dict[str, Any],
+) -> None:
+    recording = open_recording(SAMPLE)
+    (name,) = workers
+    with pytest.raises(UsageError, match=f"{name}: a sequential map is made batch by batch"):
+        build_map(recording, parameters("", "sequential"), **workers)
+    with pytest.raises(UsageError, match=f"{name}: does not go with follow; leave one"):
+        build_map(recording, follow=lambda _: None, **workers)
+    assert recording.tally.keyframes == 0
+
+
+def test_a_builder_refuses_workers_without_work() -> None:
+    cluster: Any = object()
+    with pytest.raises(UsageError, match="cluster: a sequential map is made batch by batch"):
+        MapBuilder(parameters("", "sequential"), cluster=cluster)
+    with pytest.raises(UsageError, match="cluster: does not go with follow; leave one"):
+        MapBuilder(parameters(""), follow=lambda _: None, cluster=cluster)
+    with pytest.raises(UsageError, match="jobs: a cluster's workers have threads"):
+        MapBuilder(parameters(""), jobs=2, cluster=cluster)
 
 
 # --- cell_size: auto ---
