@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,6 +35,9 @@ from mlscli.threads import in_turn
 
 # Seconds in which a cluster without workers may get one, twice over.
 PATIENCE = 15
+
+# Seconds until all machines must have told their versions: loading numba takes some.
+LOADED = 60
 
 # While a tile is evaluated, the next one is on its way.
 AHEAD = 2
@@ -148,10 +151,12 @@ class Cluster:
         """Refuse machines where other versions are installed."""
         found: dict[str, Any] = {}
         try:
-            found["the scheduler"] = self._client.run_on_scheduler(versions)
+            found["the scheduler"] = self._asked(self._client.run_on_scheduler)
+        except ClusterError:
+            raise
         except Exception as error:
             found["the scheduler"] = error
-        workers = self._client.run(versions, on_error="return")
+        workers = self._asked(self._client.run, on_error="return")
         found |= {f"worker {address}": answer for address, answer in workers.items()}
         for who, answer in found.items():
             # One that is gone meanwhile does nothing wrong.
@@ -161,6 +166,15 @@ class Cluster:
                 raise ClusterError(f"{self._name}: {who} cannot load mlscli: {first_line(answer)}")
             if answer != self._versions:
                 raise ClusterError(f"{self._name}: {_differing(who, answer, self._versions)}")
+
+    def _asked(self, run: Callable[..., Any], **options: Any) -> Any:
+        """Have machines tell their versions, but not wait for ever for one that hangs."""
+        try:
+            return run(versions, callback_timeout=LOADED, **options)
+        except TimeoutError:
+            raise ClusterError(
+                f"{self._name}: not all machines told their versions within {LOADED} s"
+            ) from None
 
     @contextmanager
     def _spoken_to(self) -> Iterator[None]:

@@ -275,7 +275,7 @@ def test_a_cluster_whose_last_worker_has_just_left_is_one_that_may_get_another()
         def nthreads(self) -> dict[str, int]:
             return {}
 
-        def run_on_scheduler(self, call: Any) -> object:
+        def run_on_scheduler(self, call: Any, **options: object) -> object:  # noqa: ARG002
             return call()
 
         def run(self, *_: object, **options: object) -> dict[str, object]:  # noqa: ARG002
@@ -313,6 +313,27 @@ def test_a_worker_without_the_program_is_refused(address: str) -> None:
                 pass
         finally:
             client.run(exec, f"import sys; del sys.modules[{module!r}]")
+
+
+def test_a_worker_that_does_not_answer_is_not_waited_for_long(
+    monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    monkeypatch.setattr(cluster, "LOADED", 0.5)
+    module = "mlscli.pipeline.cluster"
+    with Client(address, set_as_default=False) as client:
+        # As one that hangs, but not for ever.
+        hang = "async def versions(): import asyncio; await asyncio.sleep(20)"
+        client.run(exec, f"import {module} as m; m.told = m.versions; exec({hang!r}, vars(m))")
+        begin = time.monotonic()
+        try:
+            with (
+                pytest.raises(ClusterError, match="not all machines told their versions within"),
+                connected(address),
+            ):
+                pass
+        finally:
+            client.run(exec, f"import {module} as m; m.versions = m.told")
+        assert time.monotonic() - begin < 10
 
 
 # --- workers that die: the last tests, as no more of them need be left than one ---
