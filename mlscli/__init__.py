@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from mlscli.io.recording import open_recording
     from mlscli.io.replay import open_replay, write_replay
     from mlscli.mesh import build_mesh
-    from mlscli.pipeline.builder import MapBuilder, build_map
+    from mlscli.pipeline.build import build_map
+    from mlscli.pipeline.builder import MapBuilder
     from mlscli.surface_map import SurfaceMap
     from mlscli.view.page import write_page
 
@@ -50,7 +51,7 @@ _HOMES = {
     "MapBuilder": ("mlscli.pipeline.builder", "MapBuilder"),
     "Parameters": ("mlscli.config", "Parameters"),
     "SurfaceMap": ("mlscli.surface_map", "SurfaceMap"),
-    "build_map": ("mlscli.pipeline.builder", "build_map"),
+    "build_map": ("mlscli.pipeline.build", "build_map"),
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
     "open_recording": ("mlscli.io.recording", "open_recording"),

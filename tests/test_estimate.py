@@ -15,7 +15,7 @@ from mlscli.config import Parameters
 from mlscli.estimate import estimate_build
 from mlscli.io.glance import Glance
 from mlscli.io.recording import open_recording
-from mlscli.pipeline.builder import build
+from mlscli.pipeline.build import build
 from mlscli.typing import Float64
 from tests.bags import Sent, write_bag
 

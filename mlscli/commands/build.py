@@ -19,7 +19,8 @@ from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
     from mlscli.config import Parameters
-    from mlscli.pipeline.builder import Build, Follower
+    from mlscli.pipeline.build import Build
+    from mlscli.pipeline.builder import Follower
     from mlscli.pipeline.change import Change
     from mlscli.pipeline.large import LargeBuild
     from mlscli.pipeline.report import Report
@@ -108,7 +109,7 @@ def command(
     from mlscli.io.atomic import refuse_existing
     from mlscli.io.mapfile import write_map
     from mlscli.io.recording import open_recording
-    from mlscli.pipeline.builder import build
+    from mlscli.pipeline.build import build
     from mlscli.pipeline.large import build_large
     from mlscli.surface_map import SurfaceMap
 

@@ -91,7 +91,7 @@ def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
     from mlscli.config import Parameters
     from mlscli.errors import InputError
     from mlscli.io.recording import open_recording
-    from mlscli.pipeline.builder import build
+    from mlscli.pipeline.build import build
     from mlscli.summary import describe
 
     recording = open_recording(path, columns=columns, up=up)

@@ -21,7 +21,8 @@ from mlscli.config import Parameters
 from mlscli.errors import InputError, UsageError
 from mlscli.patches import runs
 from mlscli.pipeline.blocks import PointBlocks
-from mlscli.pipeline.builder import MapBuilder, emptied, feed
+from mlscli.pipeline.build import emptied, feed
+from mlscli.pipeline.builder import MapBuilder
 from mlscli.pipeline.change import points_in
 from mlscli.pipeline.connection import LOCAL, connected
 from mlscli.pipeline.pipeline import Progress

@@ -23,7 +23,8 @@ from mlscli.errors import InputError, UsageError
 from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points, batches
 from mlscli.merging import add_measured
-from mlscli.pipeline.builder import BEYOND_GRID, MapBuilder, build_map
+from mlscli.pipeline.build import build_map
+from mlscli.pipeline.builder import BEYOND_GRID, MapBuilder
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.stage import MapStage, PointStage
 from mlscli.surface_map import SurfaceMap

@@ -32,7 +32,8 @@ from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points, gather
 from mlscli.pipeline import cluster, connection, large, tilewise
 from mlscli.pipeline.blocks import PointBlocks
-from mlscli.pipeline.builder import MapBuilder, build
+from mlscli.pipeline.build import build
+from mlscli.pipeline.builder import MapBuilder
 from mlscli.pipeline.cluster import AHEAD, Cluster, Order, carry_out, versions
 from mlscli.pipeline.connection import connected
 from mlscli.pipeline.large import build_large

@@ -21,7 +21,7 @@ from mlscli.errors import InputError, OutputError, UsageError
 from mlscli.io.mapfile import read_map, write_map
 from mlscli.io.recording import open_recording
 from mlscli.pipeline import large, tilewise
-from mlscli.pipeline.builder import build
+from mlscli.pipeline.build import build
 from mlscli.pipeline.large import build_large
 from mlscli.summary import describe
 from tests.bags import Sent, write_bag

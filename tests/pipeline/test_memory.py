@@ -14,7 +14,7 @@ import pytest
 from benchmarks.large import CELL, write_survey
 from mlscli.config import load
 from mlscli.io.recording import open_recording
-from mlscli.pipeline.builder import build_map
+from mlscli.pipeline.build import build_map
 
 POINTS, MOST = 400_000, 100
 
