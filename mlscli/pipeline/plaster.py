@@ -23,7 +23,8 @@ from typing import ClassVar
 import numpy as np
 
 from mlscli.parameters import Cells, Length, in_units, parameter
-from mlscli.pipeline.gaps import GapStage, Intervals, Tolerance, close_gaps, settle
+from mlscli.pipeline.gaps import GapStage, Intervals, Tolerance, close_gaps
+from mlscli.pipeline.inserted import settle
 from mlscli.surface_map import SurfaceMap
 
 

@@ -27,15 +27,8 @@ from mlscli.file_order import Columns
 from mlscli.kernels import kernel
 from mlscli.neighbours import sought
 from mlscli.parameters import Length, in_units, parameter
-from mlscli.pipeline.gaps import (
-    GapStage,
-    Inserted,
-    Intervals,
-    Tolerance,
-    Widths,
-    close_gaps,
-    settle,
-)
+from mlscli.pipeline.gaps import GapStage, Intervals, Tolerance, Widths, close_gaps
+from mlscli.pipeline.inserted import Inserted, settle
 from mlscli.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.threads import LIGHT, in_ranges
 from mlscli.typing import Float64, Int32, Int64
