@@ -18,8 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlscli.cells import LEAST, CellSet, unpack
+from mlscli.pipeline.tile import TILE
 from mlscli.pipeline.tiled_map import TiledMap
-from mlscli.pipeline.tiles import TILE, Tiles
+from mlscli.pipeline.tiles import Tiles
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import UInt64
 from tests.maps import random_map
@@ -105,10 +106,10 @@ def test_what_is_replaced_again_and_again_takes_no_more_room() -> None:
         rows = np.repeat(np.c_[cells.keys, cells.keys, cells.keys], 1 + turn % 3, axis=0)
         rows[:, 1] = turn
         tiles.update(cells, rows)
-        sizes.append(sum(tile.rows.nbytes for tile in tiles.tiles()))
+        sizes.append(sum(tile.rows.nbytes for tile in tiles._tiles.values()))
     assert max(sizes[100:]) <= max(sizes[:100]) <= 10 * 60 * WORDS * 8
     tiles.update(cells, rows[:0])
-    assert not list(tiles.tiles())
+    assert not tiles._tiles
 
 
 def test_what_lies_scattered_costs_each_tile_what_is_its_own() -> None:
