@@ -183,11 +183,12 @@ def _check_together(
     memory: int | None,
     scratch: str | None,
 ) -> None:
-    """Refuse options that do not go with a map that is made batch by batch."""
+    """Refuse options that do not go together."""
     from mlscli.pipeline.builder import check_workers
 
-    workers = {"--jobs": jobs, "--scheduler": scheduler, "--memory": memory}
-    check_workers(parameters, workers, "--growing or --replay" if followed else "")
+    growing = "--growing or --replay" if followed else ""
+    check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, growing)
+    check_workers(parameters, {"--memory": memory}, growing)
     if scheduler is not None:
         from mlscli.pipeline.connection import LOCAL, check_address
 
@@ -196,8 +197,6 @@ def _check_together(
             raise UsageError(
                 f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
             )
-        if jobs is not None:
-            raise UsageError("--jobs: --scheduler's workers have threads; leave one of them out")
     if scratch is not None and memory is None:
         raise UsageError("--scratch: says where --memory puts what it leaves no room for; add it")
 

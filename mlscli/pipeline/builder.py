@@ -88,8 +88,6 @@ class MapBuilder:
         jobs: int | None = None,
         cluster: Cluster | None = None,
     ) -> None:
-        if jobs is not None and cluster is not None:
-            raise UsageError("jobs: a cluster's workers have threads; leave one of them out")
         followed = "" if follow is None else "follow"
         check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
         self.parameters = parameters
@@ -257,13 +255,13 @@ class MapBuilder:
 
 
 def check_workers(parameters: Parameters, workers: Mapping[str, object], followed: str) -> None:
-    """Refuse workers who would have nothing to do: the map is made batch by batch.
+    """Refuse workers who would have nothing to do: others do it, or the map grows batch by batch.
 
     Parameters
     ----------
     parameters : Parameters
     workers : mapping
-        By what the user calls them; None: not asked for.
+        By what the user calls them, of which only one can do the work; None: not asked for.
     followed : str
         What the user calls that for which the map grows; empty: nothing.
 
@@ -271,10 +269,16 @@ def check_workers(parameters: Parameters, workers: Mapping[str, object], followe
     ------
     UsageError
     """
-    for name in [name for name, asked_for in workers.items() if asked_for is not None]:
+    names = [name for name, asked_for in workers.items() if asked_for is not None]
+    for name in names:
         if parameters.mode == "sequential":
             raise UsageError(
                 f"{name}: a sequential map is made batch by batch; set mode=consistent"
             )
         if followed:
             raise UsageError(f"{name}: does not go with {followed}; leave one of them out")
+    if len(names) > 1:
+        raise UsageError(
+            f"{names[0]}: does not go with {names[1]}, whose workers have threads of their own; "
+            "leave one of them out"
+        )

@@ -22,7 +22,7 @@ from mlscli.errors import InputError, UsageError
 from mlscli.patches import runs
 from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.build import emptied, feed
-from mlscli.pipeline.builder import MapBuilder
+from mlscli.pipeline.builder import MapBuilder, check_workers
 from mlscli.pipeline.change import points_in
 from mlscli.pipeline.connection import LOCAL, connected
 from mlscli.pipeline.pipeline import Progress
@@ -109,6 +109,7 @@ def build_large(
         raise UsageError(
             "--memory: a sequential map is made batch by batch, in memory; set mode=consistent"
         )
+    check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, "")
     if scheduler == LOCAL:
         raise UsageError(
             f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"

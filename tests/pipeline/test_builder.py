@@ -229,6 +229,8 @@ def test_workers_for_a_map_that_grows_batch_by_batch_are_refused_unread(
         build_map(recording, parameters("", "sequential"), **workers)
     with pytest.raises(UsageError, match=f"{name}: does not go with follow; leave one"):
         build_map(recording, follow=lambda _: None, **workers)
+    with pytest.raises(UsageError, match="jobs: does not go with scheduler, whose workers have"):
+        build_map(recording, jobs=2, scheduler="tcp://nowhere:1")
     assert recording.tally.keyframes == 0
 
 
@@ -238,7 +240,7 @@ def test_a_builder_refuses_workers_without_work() -> None:
         MapBuilder(parameters("", "sequential"), cluster=cluster)
     with pytest.raises(UsageError, match="cluster: does not go with follow; leave one"):
         MapBuilder(parameters(""), follow=lambda _: None, cluster=cluster)
-    with pytest.raises(UsageError, match="jobs: a cluster's workers have threads"):
+    with pytest.raises(UsageError, match="jobs: does not go with cluster, whose workers have"):
         MapBuilder(parameters(""), jobs=2, cluster=cluster)
 
 
