@@ -30,7 +30,7 @@ from mlscli.keyframes import Points
 from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tilewise import Evaluated, Tile, evaluate, surroundings
+from mlscli.pipeline.tilewise import EvaluatedTile, Tile, evaluate, surroundings
 from mlscli.threads import in_turn
 
 # Seconds in which a cluster without workers may get one, twice over.
@@ -86,7 +86,7 @@ class Cluster:
 
     def evaluated(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
-    ) -> Iterator[Evaluated]:
+    ) -> Iterator[EvaluatedTile]:
         """Yield the tiles evaluated, in their order.
 
         Raises
@@ -106,13 +106,13 @@ class Cluster:
         while waiting:
             yield self._result(*waiting.popleft())
 
-    def _result(self, tile: Tile, future: Any) -> Evaluated:
+    def _result(self, tile: Tile, future: Any) -> EvaluatedTile:
         from distributed.scheduler import KilledWorker
 
         with self._spoken_to():
             failure = self._failure(future)
             if failure is None:
-                result: Evaluated = future.result()
+                result: EvaluatedTile = future.result()
                 return result
         match failure:
             case KilledWorker():
@@ -197,7 +197,7 @@ class Order:
     versions: dict[str, str]
 
 
-def carry_out(order: Order) -> Evaluated:
+def carry_out(order: Order) -> EvaluatedTile:
     """Evaluate a tile; called by a worker."""
     if versions() != order.versions:
         raise ClusterError(_differing("a worker that joined", versions(), order.versions))

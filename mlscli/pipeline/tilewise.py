@@ -26,7 +26,7 @@ from mlscli.threads import in_turn
 from mlscli.typing import Bool, Int32
 
 
-class Evaluated(NamedTuple):
+class EvaluatedTile(NamedTuple):
     """A tile of the map, and the account of how it was made."""
 
     surface: SurfaceMap
@@ -60,7 +60,7 @@ class Workers(Protocol):
 
     def evaluated(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
-    ) -> Iterator[Evaluated]:
+    ) -> Iterator[EvaluatedTile]:
         """Yield the tiles evaluated, in their order."""
 
 
@@ -83,10 +83,10 @@ class Threads(NamedTuple):
 
     def evaluated(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
-    ) -> Iterator[Evaluated]:
+    ) -> Iterator[EvaluatedTile]:
         """Yield the tiles evaluated, in their order."""
 
-        def call(limits: Limits) -> Evaluated:
+        def call(limits: Limits) -> EvaluatedTile:
             return evaluate(pipeline, surroundings(pipeline, blocks, limits), limits)
 
         return in_turn((partial(call, tile.limits) for tile in tiles), self.number)
@@ -147,7 +147,7 @@ def surroundings(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Poi
     return blocks.extract(limits.widened(pipeline.reach))
 
 
-def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> Evaluated:
+def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTile:
     """Return the map within limits, and what became of the points in them.
 
     Parameters
@@ -174,7 +174,7 @@ def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> Evaluated:
         surface = pipeline.transformed(stage, surface).crop(*limits.widened(margin))
         before, inside = inside, points_in(surface.crop(*limits))
         report.drop(stage.name, before - inside)
-    return Evaluated(surface.crop(*limits), report)
+    return EvaluatedTile(surface.crop(*limits), report)
 
 
 def tiles_of(blocks: PointBlocks, reach: int, most: int) -> list[Tile]:
