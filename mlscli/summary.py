@@ -20,7 +20,8 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         ``patches``: the total, by origin, and how many are vertical; ``cells``: how many are
         occupied; ``levels``: how many cells hold 1, 2, ... patches; ``extent``: lower and upper
         bounds of x, y (edges of cells) and z, None for an empty map; ``area``: of the occupied
-        cells, in the square of the unit.
+        cells, in the square of the unit; ``regions``: how many have a number; ``keyframes``: rows
+        of the route; and the map's ``cell_size``, ``gap_size``, ``thickness`` and ``frame_id``.
     """
     head = head_of(surface)
     counted = dict.fromkeys(("total", *ORIGINS, "vertical"), 0)
