@@ -28,7 +28,10 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
         first_keyframe=other.first_keyframe + shift,
         last_keyframe=other.last_keyframe + shift,
     )
-    measured, from_one, from_other = link(one, other)
+    linked, from_one, from_other = _linked(
+        records_of(one), records_of(other), one.gap_size, one.thickness
+    )
+    measured = surface_of(linked, one)
     of_one = _apart(_inserted(one), measured.take(from_other))
     of_other = _apart(_inserted(other), measured.take(from_one))
     inserted = _yield_to_higher(of_one, of_other).union(_yield_to_higher(of_other, of_one, True))
@@ -40,35 +43,15 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     )
 
 
-def add_measured(surface: SurfaceMap, new: SurfaceMap) -> SurfaceMap:
-    """Add the measured patches `new` to a growing map (thesis, section 4.1, step 4).
+def with_measured(records: Array, new: Array, like: SurfaceMap) -> Array:
+    """Add measured patches to those of a growing map (thesis, section 4.1, step 4).
 
     They merge with measured patches only, undo corrections made to those, and delete inserted
-    patches within `gap_size`. Keyframes of both count from the same route.
+    patches within `gap_size`. Both are given as records, in the order of maps; keyframes of both
+    count from the same route.
     """
-    return surface_of(with_measured(records_of(surface), records_of(new), surface), surface)
-
-
-def with_measured(records: Array, new: Array, like: SurfaceMap) -> Array:
-    """Add measured patches to others, both given as records; see `add_measured`."""
     added: Array = _added(records, new, like.gap_size, like.thickness)
     return added
-
-
-def link(one: SurfaceMap, other: SurfaceMap) -> tuple[SurfaceMap, Bool, Bool]:
-    """Link the measured patches of two maps by [bottom, top].
-
-    Returns
-    -------
-    measured : SurfaceMap
-        The linked patches; one that met no other stays as it was, with its correction.
-    from_one, from_other : bool (P,)
-        Which of them hold patches of the one map, and of the other.
-    """
-    measured, from_one, from_other = _linked(
-        records_of(one), records_of(other), one.gap_size, one.thickness
-    )
-    return surface_of(measured, one), from_one, from_other
 
 
 @kernel
@@ -137,7 +120,15 @@ def _swap(records: Any, i: int, j: int) -> None:
 def _linked(
     records: Any, others: Any, gap_size: float, thickness: float
 ) -> tuple[Array, Bool, Bool]:
-    """Return what the measured ones of two lots of patches make, and from which they are."""
+    """Link the measured ones of two lots of patches by [bottom, top].
+
+    Returns
+    -------
+    linked : Array
+        One that met no other stays as it was, with its correction.
+    from_one, from_other : bool (P,)
+        Which of them hold patches of the one lot, and of the other.
+    """
     linked = np.empty(len(records) + len(others), dtype=records.dtype)
     from_one = np.zeros(len(linked), dtype=np.bool_)
     from_other = np.zeros(len(linked), dtype=np.bool_)

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlscli.keyframes import Points
+from mlscli.merging import with_measured
+from mlscli.records import records_of, surface_of
 from mlscli.surface_map import COLUMNS, SurfaceMap
 from mlscli.typing import Float64
 
@@ -65,6 +67,11 @@ def map_of(patches: list[Patch], gap_size: float = GAP, cell_size: float = CELL)
     }
     route = np.full((KEYFRAMES, 4), np.nan)
     return SurfaceMap(cell_size, gap_size, THICKNESS, route=route, **given, **statistics)
+
+
+def add_measured(surface: SurfaceMap, new: SurfaceMap) -> SurfaceMap:
+    """Return a growing map with measured patches added."""
+    return surface_of(with_measured(records_of(surface), records_of(new), surface), surface)
 
 
 def random_map(rng: np.random.Generator, *, fill: float | None = None) -> SurfaceMap:

@@ -22,14 +22,13 @@ from mlscli.config import Parameters, loads
 from mlscli.errors import InputError, UsageError
 from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points, batches
-from mlscli.merging import add_measured
 from mlscli.pipeline.build import build_map
 from mlscli.pipeline.builder import BEYOND_GRID, MapBuilder
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.stage import MapStage, PointStage
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64
-from tests.maps import random_points, symmetries, turned_map, turned_points
+from tests.maps import add_measured, random_points, symmetries, turned_map, turned_points
 
 SIZES = "map: {cell_size: 0.5, gap_size: 0.75, thickness: 0.25}\n"
 EVERYTHING = """

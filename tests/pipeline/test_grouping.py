@@ -12,7 +12,6 @@ import pytest
 
 from mlscli.errors import UsageError
 from mlscli.keyframes import Points
-from mlscli.merging import add_measured
 from mlscli.pipeline.grouping import group
 from mlscli.surface_map import COLUMNS, SurfaceMap
 from mlscli.typing import Bool
@@ -23,6 +22,7 @@ from tests.maps import (
     KEYFRAMES,
     THICKNESS,
     Patch,
+    add_measured,
     map_of,
     patches_of,
     random_points,

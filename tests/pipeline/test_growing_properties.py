@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 from mlscli.cells import CellSet
 from mlscli.config import Parameters
 from mlscli.keyframes import Keyframe, Points
-from mlscli.merging import add_measured
 from mlscli.pipeline.builder import MapBuilder
 from mlscli.pipeline.change import Change
 from mlscli.pipeline.grouping import group
@@ -34,7 +33,7 @@ from mlscli.pipeline.walls import Walls
 from mlscli.records import records_of
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64
-from tests.maps import CELL, GAP, THICKNESS, random_map
+from tests.maps import CELL, GAP, THICKNESS, add_measured, random_map
 from tests.pipeline.test_growing import one_pass, together
 from tests.pipelines import flights, parameters_of, points_at, stage_lists
 from tests.stages import Onlooker
