@@ -72,7 +72,7 @@ class Tiles:
         removed, added = [], []
         for number, own in _by_tile(strips):
             tile = self._tiles.get(number) or Tile(number, self._words)
-            mine, its_new = Strips(strips.number[own], strips.bits[own]), start[own]
+            mine, its_new = _take(strips, own), start if own is None else start[own]
             unlisted, to_come = tile.to_come(mine, its_new)
             if tile.empty and not to_come:
                 continue
@@ -98,9 +98,7 @@ class Tiles:
         there = [(self._tiles[n], own) for n, own in _by_tile(strips) if n in self._tiles]
         if len(there) < _MANY:
             return self._fetched([tile for tile, _ in there], strips)
-        parts = (Strips(strips.number[own], strips.bits[own]) for _, own in there)
-        tiles = ([tile] for tile, _ in there)
-        return self._together([*map(self._fetched, tiles, parts)])
+        return self._together([self._fetched([tile], _take(strips, own)) for tile, own in there])
 
     def _fetched(self, tiles: list[Tile], strips: Strips) -> UInt64:
         start = np.zeros(len(strips.number) + 1, dtype=np.int64)
@@ -135,14 +133,18 @@ class Tiles:
         return rows[np.argsort(rows[:, 0], kind="stable")]
 
 
-def _by_tile(strips: Strips) -> Iterator[tuple[int, slice | Int64]]:
+def _take(strips: Strips, own: Int64 | None) -> Strips:
+    return strips if own is None else Strips(strips.number[own], strips.bits[own])
+
+
+def _by_tile(strips: Strips) -> Iterator[tuple[int, Int64 | None]]:
     """Yield the numbers of the tiles in which strips lie, and where theirs are among these.
 
-    Where tiles are few they are told of all: it costs them less to pass over those of others.
+    Where tiles are few they are told of all (None): it costs less to pass over those of others.
     """
     numbers = dict.fromkeys(_tiles_of(strips.number).tolist())
     if len(numbers) < _MANY:
-        yield from dict.fromkeys(numbers, slice(None)).items()
+        yield from numbers.items()
         return
     tiles = tile_of(strips.number)
     order = np.argsort(tiles, kind="stable")
