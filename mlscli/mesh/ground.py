@@ -8,7 +8,7 @@ import numpy as np
 
 from mlscli.cells import cell_indices, on_grid
 from mlscli.kernels import kernel
-from mlscli.pipeline.neighbours import is_at, place
+from mlscli.neighbours import is_at, sought
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Float64, Int32, Int64
 
@@ -88,7 +88,7 @@ def _ground_below(
                 for dy in range(-ring, ring + 1):
                     if max(abs(dx), abs(dy)) != ring:
                         continue
-                    cell = place(ix, iy, x + dx, y + dy)
+                    cell = sought(ix, iy, -1, x + dx, y + dy)
                     if is_at(ix, iy, cell, x + dx, y + dy):
                         z = height[start[cell] : start[cell + 1]]
                         below = np.searchsorted(z, craft_z[k], side="right")

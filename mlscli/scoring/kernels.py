@@ -9,7 +9,6 @@ import numpy as np
 from mlscli.kernels import inner, kernel
 from mlscli.neighbours import onward
 from mlscli.patches import distance
-from mlscli.pipeline.neighbours import onward
 from mlscli.surface_map import SurfaceMap
 from mlscli.typing import Bool, Float64, Int32, Int64
 
