@@ -42,6 +42,7 @@ class TopicSource:
         self._split: set[str] = set()
         self._unreadable = ""
         self._lost_beside: dict[str, None] = {}
+        self._refused: Counter[str] = Counter()
         self._skipped = 0
         self._topics = self._describe()
 
@@ -76,6 +77,11 @@ class TopicSource:
         notes = list(self._container.notes)
         if self._skipped:
             notes.append(f"{self.label}: {self._skipped:,} markers of other kinds hold no points")
+        notes += [
+            f"{self.path}: {name}: {count:,} pose{'s' * (count > 1)} left out, not finite or with "
+            "a quaternion of no length"
+            for name, count in self._refused.items()
+        ]
         return notes
 
     @property
@@ -201,11 +207,7 @@ class TopicSource:
                 f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
                 for name, count in unreadable.items()
             ]
-            lost += [
-                f"{self.path}: {name}: {count:,} pose{'s' * (count > 1)} left out, not finite or "
-                "with a quaternion of no length"
-                for name, count in (+refused).items()
-            ]
+            self._refused |= +refused
             self._lost_beside |= dict.fromkeys([*self._container.losses, *lost])
 
     # --- topics ---
