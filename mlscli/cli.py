@@ -21,6 +21,7 @@ import click
 
 from mlscli import __version__
 from mlscli.errors import ConfigError, MlsError, nearest
+from mlscli.interrupts import when_safe
 from mlscli.notices import hear
 
 # Name to module and to a line of help, so that the help of the group loads none of them.
@@ -110,11 +111,15 @@ def main() -> NoReturn:
     sys.exit(status)
 
 
-def _stop(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
+def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     # A second signal must not interrupt the clearing up.
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, signal.SIG_IGN)
-    raise Stopped(number)
+
+    def stop() -> NoReturn:
+        raise Stopped(number)
+
+    when_safe(stop)
 
 
 def _status(run: Run) -> int:

@@ -16,6 +16,7 @@ from numba import njit
 from numba.core import event
 from numba.extending import register_jitable
 
+from mlscli.interrupts import hold_interrupts, release_interrupts
 from mlscli.kernel_sources import stamp
 from mlscli.notices import notice
 
@@ -74,4 +75,18 @@ class _Compiling(event.Listener):
         """Say nothing more."""
 
 
+class _Locked(event.Listener):
+    """Lets interrupts wait while a kernel is compiled or loaded.
+
+    LLVM calls back into Python meanwhile, and loses what is raised there.
+    """
+
+    def on_start(self, event: event.Event) -> None:  # noqa: ARG002
+        hold_interrupts()
+
+    def on_end(self, event: event.Event) -> None:  # noqa: ARG002
+        release_interrupts()
+
+
 event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call, unused-ignore]
+event.register("numba:compiler_lock", _Locked())  # type: ignore[no-untyped-call, unused-ignore]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -59,6 +60,22 @@ def test_where_no_folder_can_be_written_every_run_says_what_would_help(compared:
         assert said.startswith("mls: compiling kernels (about ")
         assert "NUMBA_CACHE_DIR" in said
         assert said.count("\n") == 1
+
+
+def test_an_interrupt_while_kernels_are_compiled_ends_the_program(tmp_path: Path) -> None:
+    mlscli.write_map(tmp_path / "map.npz", map_of([Patch(0, 0, 0.0, 0.0, 0, 1)]))
+    with subprocess.Popen(
+        [sys.executable, "-m", "mlscli", "compare", "map.npz", "map.npz"],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")},
+    ) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("mls: compiling kernels")
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (143, "mls: interrupted\n")
 
 
 SOURCES = {
