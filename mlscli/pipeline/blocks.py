@@ -43,7 +43,7 @@ class Run(NamedTuple):
     points: Rows
 
 
-class Block(NamedTuple):
+class Occupied(NamedTuple):
     """Blocks that hold points.
 
     Attributes
@@ -96,14 +96,14 @@ class PointBlocks:
         """How many blocks are listed in memory, those of each run by themselves."""
         return sum(len(run.blocks) for run in self._runs)
 
-    def occupied(self) -> Block:
+    def occupied(self) -> Occupied:
         """Return the blocks that hold points."""
         keys = np.concatenate([np.empty(0, np.uint64), *(run.blocks for run in self._runs)])
         sizes = np.concatenate([np.empty(0, np.int64), *(np.diff(run.start) for run in self._runs)])
         blocks, places = np.unique(keys, return_inverse=True)
         points = np.zeros(len(blocks), dtype=np.int64)
         np.add.at(points, places, sizes)
-        return Block(*unpack(blocks), points)
+        return Occupied(*unpack(blocks), points)
 
     def extract(self, limits: Limits) -> Points:
         """Return the points in the cells within limits."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from mlscli.cells import Limits, pack
 from mlscli.keyframes import Points
-from mlscli.pipeline.blocks import Block, PointBlocks
+from mlscli.pipeline.blocks import Occupied, PointBlocks
 from mlscli.pipeline.change import points_in
 from mlscli.pipeline.ordering import cells_of
 from mlscli.pipeline.pipeline import Pipeline, Progress
@@ -203,7 +203,7 @@ def tiles_of(blocks: PointBlocks, reach: int, most: int) -> list[Tile]:
     return tiles
 
 
-def _halves(limits: Limits, own: Block) -> list[Limits]:
+def _halves(limits: Limits, own: Occupied) -> list[Limits]:
     """Divide a tile across its longer side, so that both parts have about half of the points."""
     spans = np.ptp(own.ix.astype(np.int64)), np.ptp(own.iy.astype(np.int64))
     axis = "x" if spans[0] >= spans[1] else "y"
@@ -218,8 +218,8 @@ def _halves(limits: Limits, own: Block) -> list[Limits]:
     ]
 
 
-def _take(block: Block, which: Bool) -> Block:
-    return Block(block.ix[which], block.iy[which], block.points[which])
+def _take(blocks: Occupied, which: Bool) -> Occupied:
+    return Occupied(blocks.ix[which], blocks.iy[which], blocks.points[which])
 
 
 def _in_cells(blocks: Limits, shift: int) -> Limits:
