@@ -42,15 +42,14 @@ def write_survey(path: Path, points: int) -> None:
 @click.option("--memory", default="2G", show_default=True)
 @click.option("--preset", type=click.Choice(list(SETTINGS)), default="default", show_default=True)
 @click.option("--jobs", type=int, default=2, show_default=True)
-@click.option("--cell-size", default=str(CELL), show_default=True)
-def main(points: float, memory: str, preset: str, jobs: int, cell_size: str) -> None:
+def main(points: float, memory: str, preset: str, jobs: int) -> None:
     """Write the flight, build its map, and print time and memory."""
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder, "survey.bag")
         write_survey(bag, int(points))
         command = [sys.executable, "-m", "mlscli", "build", str(bag), "-o", f"{folder}/map.npz"]
         command += ["--memory", memory, "--jobs", str(jobs), "--scratch", folder, "-c", preset]
-        command += ["--set", f"map.cell_size={cell_size}", *SETTINGS[preset]]
+        command += ["--set", f"map.cell_size={CELL}", *SETTINGS[preset]]
         run = ran(command)
         sizes = [path.stat().st_size / 2**30 for path in (bag, Path(folder, "map.npz"))]
     click.echo(run.output)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.threads import in_ranges
-from mlscli.typing import Bool, Float64
+from mlscli.typing import Float64
 
 NEIGHBOUR = 4
 
@@ -31,57 +31,26 @@ def auto_cell_size(xyz: Float64, told: Callable[[int], None] | None = None) -> f
     InputError
         Where there are too few points, or most of them coincide.
     """
-    require_enough(len(xyz))
-    return cell_size_for(float(np.median(neighbour_distances(xyz, told=told))))
+    from scipy.spatial import cKDTree
 
-
-def require_enough(points: int) -> None:
-    """Refuse a cloud in which no point has a fourth neighbour."""
-    if points <= NEIGHBOUR:
+    if len(xyz) <= NEIGHBOUR:
         raise InputError(
-            f"cell_size: auto needs more than {NEIGHBOUR} points, and there are {points}; "
+            f"cell_size: auto needs more than {NEIGHBOUR} points, and there are {len(xyz)}; "
             "set map.cell_size to a number"
         )
+    tree = cKDTree(xyz)
 
+    def nearest(begin: int, end: int) -> Float64:
+        # In the order of the tree, points of a range lie together: that halves the time. Threads
+        # of scipy's own would outlive an interrupt.
+        distances, _ = tree.query(xyz[tree.indices[begin:end]], k=[NEIGHBOUR + 1])
+        return np.asarray(distances)
 
-def cell_size_for(distance: float) -> float:
-    """Return the size of cells where this is the median distance to a fourth neighbour."""
-    size = float(f"{2 * distance:.1e}")
+    distances = np.concatenate(in_ranges(len(xyz), nearest, told))
+    size = float(f"{2 * float(np.median(distances)):.1e}")
     if not size > 0:
         raise InputError(
             f"cell_size: auto finds that most points coincide with {NEIGHBOUR} others; if each "
             "message repeats the whole cloud, say --cumulative, else set map.cell_size to a number"
         )
     return size
-
-
-def neighbour_distances(
-    xyz: Float64, which: Bool | None = None, told: Callable[[int], None] | None = None
-) -> Float64:
-    """Return the distance of each point to its fourth nearest neighbour, in any order.
-
-    Parameters
-    ----------
-    xyz : float64 (N, 3)
-    which : bool (N,), optional
-        Of these points only; all count as neighbours.
-    told : callable, optional
-        Called with how many are done, now and then.
-
-    Returns
-    -------
-    float64
-        Infinite where there are not so many others.
-    """
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(xyz)
-    # In the order of the tree, points of a range lie together: that halves the time.
-    order = tree.indices if which is None else tree.indices[which[tree.indices]]
-
-    def nearest(begin: int, end: int) -> Float64:
-        # Threads of scipy's own would outlive an interrupt.
-        distances, _ = tree.query(xyz[order[begin:end]], k=[NEIGHBOUR + 1])
-        return np.asarray(distances).ravel()
-
-    return np.concatenate(in_ranges(len(order), nearest, told))

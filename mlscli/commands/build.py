@@ -64,8 +64,8 @@ if TYPE_CHECKING:
     type=Size(),
     metavar="SIZE",
     help="Take no more memory than this, such as 2G or 500M: points and tiles of the map lie on "
-    "disk meanwhile. The map is the same. Clouds that are no bags are held in memory all the "
-    "same.",
+    "disk meanwhile. The map is the same; map.cell_size must be a number. Clouds that "
+    "are no bags are held in memory all the same.",
 )
 @click.option(
     "--scratch",

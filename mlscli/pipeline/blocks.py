@@ -75,13 +75,13 @@ class PointBlocks:
         self, cell_size: float, put: Callable[[Array], Rows] | None = None, shift: int = SHIFT
     ) -> None:
         self.shift = shift
-        self.cell_size = cell_size
+        self._cell_size = cell_size
         self._put = put or (lambda array: array)
         self._runs: list[Run] = []
 
     def add(self, points: Points) -> None:
         """Add points, all of them on the grid."""
-        ix, iy = cells_of(points.xyz, self.cell_size)
+        ix, iy = cells_of(points.xyz, self._cell_size)
         keys = pack(ix >> self.shift, iy >> self.shift)
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
@@ -111,7 +111,7 @@ class PointBlocks:
         parts = [part for run in self._runs for part in _slices(run, blocks)]
         records = np.concatenate([np.empty(0, POINT), *parts])
         points = Points(np.ascontiguousarray(records["xyz"]), records["keyframe"])
-        return points.take(limits.contain(*cells_of(points.xyz, self.cell_size)))
+        return points.take(limits.contain(*cells_of(points.xyz, self._cell_size)))
 
 
 def _slices(run: Run, limits: Limits) -> Iterator[Array]:

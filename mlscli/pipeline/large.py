@@ -1,9 +1,8 @@
 """Maps of clouds that are larger than memory.
 
-The keyframes are read once, or twice where the size of cells is to be found, and their points are
-sorted into blocks of cells on disk, as many at a time as memory holds. Then the map is evaluated
-tile by tile, the tiles put on disk too, and in the end put together in the file's order, strip by
-strip.
+The keyframes are read once, and their points sorted into blocks of cells on disk, as many at a
+time as memory holds. Then the map is evaluated tile by tile, the tiles put on disk too, and in the
+end put together in the file's order, strip by strip.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,19 +21,20 @@ from mlscli.config import Parameters
 from mlscli.errors import InputError, UsageError
 from mlscli.patches import runs
 from mlscli.pipeline.blocks import PointBlocks
-from mlscli.pipeline.build import emptied, feed, read
+from mlscli.pipeline.build import emptied, feed
 from mlscli.pipeline.builder import MapBuilder, check_workers
 from mlscli.pipeline.change import points_in
 from mlscli.pipeline.connection import LOCAL, connected
-from mlscli.pipeline.large_cell_size import large_cell_size, put_in_blocks
-from mlscli.pipeline.memory import Memory
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise import (
+    COMFORTABLE,
     Threads,
+    Tile,
     Workers,
     in_tiles,
     joined,
+    tiles_of,
 )
 from mlscli.records import records_of, surface_of
 from mlscli.scratch import Scratch, Stored
@@ -45,9 +46,12 @@ from mlscli.typing import Array, Int32, Int64
 if TYPE_CHECKING:
     from mlscli.io.recording import Recording
 
-# Bytes of memory that it takes at most to put a patch in order, and to run the stages that need the
-# whole map on a patch.
-ORDERED, FINISHED = 400, 1000
+# Bytes of memory that it takes at most to sort a point, to know where the points of a block lie, to
+# put a patch in order, and to run the stages that need the whole map on a patch.
+SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
+
+# Bytes with which work can be done at all, besides those of the program itself.
+LEAST = 32 * 2**20
 
 
 class LargeBuild(NamedTuple):
@@ -74,7 +78,7 @@ def build_large(
     ----------
     recording : Recording
     parameters : Parameters
-        In the consistent mode. Where `cell_size` is ``auto``, the recording is read twice.
+        With a number for `cell_size`, in the consistent mode.
     memory : int
         Bytes that the program may take, what it has taken before and the messages that are being
         read among them.
@@ -97,6 +101,10 @@ def build_large(
     InputError
         As for `build`.
     """
+    if parameters.map.cell_size == "auto":
+        raise UsageError(
+            "--memory: needs a number for map.cell_size; auto looks at the whole recording at once"
+        )
     if parameters.mode == "sequential":
         raise UsageError(
             "--memory: a sequential map is made batch by batch, in memory; set mode=consistent"
@@ -110,30 +118,13 @@ def build_large(
         workers: Workers = Threads(jobs or processors())
         if scheduler is not None:
             workers = stack.enter_context(connected(scheduler))
-        reading = Report()
-        if parameters.map.cell_size == "auto":
-            with Scratch(scratch) as disk:
-                size = _cell_size_of(recording, memory, disk, reading, progress)
-            parameters = parameters.with_cell_size(size)
         disk = stack.enter_context(Scratch(scratch))
         builder = _LargeMapBuilder(recording, parameters, memory, disk, workers, progress)
-        builder.report.add(reading)
         feed(builder, recording, progress)
         surface = builder.finish_on_disk()
         if not surface.size:
             raise InputError(emptied(recording, builder.report))
         yield LargeBuild(surface, builder.report)
-
-
-def _cell_size_of(
-    recording: Recording, memory: int, disk: Scratch, report: Report, progress: Progress | None
-) -> float:
-    """Find the size of cells for all points, in a pass of its own."""
-    room = Memory(memory)
-    clouds = (keyframe.points for keyframe in read(recording, report, progress))
-    blocks = put_in_blocks(clouds, room, disk)
-    with report.timed("cell size"):
-        return large_cell_size(blocks, room, disk, progress)
 
 
 class _LargeMapBuilder(MapBuilder):
@@ -159,38 +150,51 @@ class _LargeMapBuilder(MapBuilder):
         self._evaluators = workers
         self._blocks = PointBlocks(self._pipeline.cell_size, disk.put)
         self._held = 0
-        # The kernels are loaded before what is left is looked at.
+        # What the program takes by itself, its kernels loaded, is no room for points.
         self._seed()
-        self._memory = Memory(memory)
+        self._room = memory - resident()
+        if self._room < LEAST:
+            raise too_little(memory, memory - self._room + LEAST)
+        self._memory = memory
 
     def _process_waiting(self) -> None:
         self._gather()
         self._held += self._batches[-1].size
-        if self._held > self._memory.sortable(self._blocks):
+        if self._held * SORTED > self._left // 2:
             self._put_away()
 
     def _put_away(self) -> None:
         self._held = 0
         with self.report.timed("sorting"):
             self._blocks.add(self._unseen())
+        if self._left < LEAST:
+            least = self._memory - self._left + LEAST
+            what = f"the points lie in {self._blocks.entries:,} blocks, which have to be listed"
+            raise too_little(self._memory, least, what)
+
+    @property
+    def _left(self) -> int:
+        """Bytes that there is room for besides the list of where points lie."""
+        return self._room - self._blocks.entries * INDEXED
 
     def finish_on_disk(self) -> StoredMap:
         """Process what waits, and return the map of all points."""
         if self._waiting:
             self._process_waiting()
         self._put_away()
-        pipeline, memory = self._pipeline, self._memory
-        tiles = memory.tiles(self._blocks, pipeline.reach, self._evaluators.memory_per_point)
+        tiles = self._tiles()
+        pipeline = self._pipeline
         parts = [
             _PatchesByX.of(surface, self._disk)
             for surface in in_tiles(pipeline, self._blocks, tiles, self._evaluators, self._progress)
         ]
-        strips = _strips(parts, pipeline.empty, memory.room // 2 // ORDERED)
+        strips = _strips(parts, pipeline.empty, self._room // 2 // ORDERED)
         if pipeline.final_stages:
             patches = sum(int(part.start[-1]) for part in parts)
-            if patches * FINISHED > memory.room:
+            if patches * FINISHED > self._room:
+                least = self._memory - self._room + patches * FINISHED
                 what = f"{pipeline.final_stages[0].name} needs the whole map, {patches:,} patches"
-                raise memory.too_little(patches * FINISHED, what)
+                raise too_little(self._memory, least, what)
             strips = iter([pipeline.finished(joined(pipeline.empty, list(strips)), self._progress)])
         surface = StoredMap(pipeline.empty, [])
         kept = 0
@@ -200,6 +204,18 @@ class _LargeMapBuilder(MapBuilder):
                 kept += points_in(strip)
         head = replace(pipeline.empty, route=np.concatenate(self._routes), meta=self._meta(kept))
         return replace(surface, head=head)
+
+    def _tiles(self) -> list[Tile]:
+        most = self._left // self._evaluators.memory_per_point
+        tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE))
+        crowd = max(tile.points for tile in tiles)
+        if crowd > most:
+            least = self._memory - self._left + crowd * self._evaluators.memory_per_point
+            what = (
+                f"{2**self._blocks.shift} cells square and their surroundings hold {crowd:,} points"
+            )
+            raise too_little(self._memory, least, what)
+        return tiles
 
 
 class _PatchesByX(NamedTuple):
@@ -229,3 +245,21 @@ def _strips(parts: list[_PatchesByX], empty: SurfaceMap, most: int) -> Iterator[
     for first, last in pairwise([*ix[runs(strip)[:-1]].tolist(), 2**31]):
         records = [part.between(first, last) for part in parts]
         yield joined(empty, [surface_of(part, empty) for part in records if len(part)])
+
+
+def too_little(memory: int, least: int, why: str = "") -> UsageError:
+    """Return the error that says how much memory it takes."""
+    needed = -(-least // 2**20)
+    because = f": {why}" if why else ""
+    return UsageError(
+        f"--memory: {memory // 2**20}M is too little{because}; give at least {needed}M"
+    )
+
+
+def resident() -> int:
+    """Return how many bytes of memory the program takes now; a guess where nothing tells."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 300 * 2**20
+    return pages * os.sysconf("SC_PAGE_SIZE")

@@ -30,7 +30,7 @@ from mlscli.errors import ClusterError, UsageError
 from mlscli.io.mapfile import write_map
 from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points, gather
-from mlscli.pipeline import cluster, connection, memory, tilewise
+from mlscli.pipeline import cluster, connection, large, tilewise
 from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.build import build
 from mlscli.pipeline.builder import MapBuilder
@@ -150,7 +150,7 @@ def test_the_program_writes_the_same_file(address: str, expected: Path, tmp_path
 def test_a_cloud_larger_than_memory_goes_to_a_cluster_tile_by_tile(
     monkeypatch: pytest.MonkeyPatch, address: str, expected: Path, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(memory, "COMFORTABLE", 1500)
+    monkeypatch.setattr(large, "COMFORTABLE", 1500)
     recording = open_recording(SAMPLE)
     with build_large(recording, SAMPLED, 2**31, scratch=tmp_path, scheduler=address) as made:
         write_map(tmp_path / "large.npz", made.surface)

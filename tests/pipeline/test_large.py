@@ -20,7 +20,7 @@ from mlscli.config import Parameters
 from mlscli.errors import InputError, OutputError, UsageError
 from mlscli.io.mapfile import read_map, write_map
 from mlscli.io.recording import open_recording
-from mlscli.pipeline import large, memory, tilewise
+from mlscli.pipeline import large, tilewise
 from mlscli.pipeline.build import build
 from mlscli.pipeline.large import build_large
 from mlscli.summary import describe
@@ -37,11 +37,11 @@ def parameters(*sets: str, config: Path | None = None) -> Parameters:
 @pytest.fixture
 def little(monkeypatch: pytest.MonkeyPatch) -> int:
     """Return a memory that has room for few points, and for few patches at a time."""
-    monkeypatch.setattr(memory, "SORTED", memory.LEAST // 800)
-    monkeypatch.setattr(large, "ORDERED", memory.LEAST // 100)
-    monkeypatch.setattr(memory, "COMFORTABLE", 1500)
-    monkeypatch.setattr(memory, "resident", lambda: 100 * 2**20)
-    return 100 * 2**20 + 2 * memory.LEAST
+    monkeypatch.setattr(large, "SORTED", large.LEAST // 800)
+    monkeypatch.setattr(large, "ORDERED", large.LEAST // 100)
+    monkeypatch.setattr(large, "COMFORTABLE", 1500)
+    monkeypatch.setattr(large, "resident", lambda: 100 * 2**20)
+    return 100 * 2**20 + 2 * large.LEAST
 
 
 @pytest.mark.parametrize("jobs", [1, 3])
@@ -67,22 +67,14 @@ def test_a_map_made_on_disk_is_the_file_of_the_map_made_in_memory(
     assert list(scratch.iterdir()) == []
 
 
-def test_cells_are_as_large_as_those_found_in_memory(little: int, tmp_path: Path) -> None:
-    given = mlscli.load_parameters(None, [])
-    recording = open_recording(SAMPLE)
-    with build_large(recording, given, little, scratch=tmp_path) as made:
-        write_map(tmp_path / "large.npz", made.surface)
-    expected = build(recording, given)
-    write_map(tmp_path / "expected.npz", expected.surface)
-    assert (tmp_path / "large.npz").read_bytes() == (tmp_path / "expected.npz").read_bytes()
-    assert made.report.points_read == expected.report.points_read
-    assert made.report.dropped == expected.report.dropped
-
-
 def test_what_memory_cannot_do_is_refused_with_what_it_takes(little: int) -> None:
-    recording, sequential = open_recording(SAMPLE), parameters("mode=sequential")
-    with pytest.raises(UsageError, match="consistent"), build_large(recording, sequential, little):
-        pass
+    recording = open_recording(SAMPLE)
+    for given, words in (
+        (mlscli.load_parameters(None, []), r"map\.cell_size"),
+        (parameters("mode=sequential"), "consistent"),
+    ):
+        with pytest.raises(UsageError, match=words), build_large(recording, given, little):
+            pass
     too_little = r"--memory: 50M is too little; give at least \d+M"
     with (
         pytest.raises(UsageError, match=too_little),
@@ -94,7 +86,7 @@ def test_what_memory_cannot_do_is_refused_with_what_it_takes(little: int) -> Non
 def test_a_crowd_that_memory_cannot_hold_is_told(
     monkeypatch: pytest.MonkeyPatch, little: int
 ) -> None:
-    monkeypatch.setattr(tilewise, "EVALUATED", memory.LEAST)
+    monkeypatch.setattr(tilewise, "EVALUATED", large.LEAST)
     told = r"16 cells square and their surroundings hold [\d,]+ points; give at least \d+M"
     recording = open_recording(SAMPLE)
     with pytest.raises(UsageError, match=told), build_large(recording, parameters(), little):
@@ -105,7 +97,7 @@ def test_points_too_scattered_to_be_listed_are_told(
     monkeypatch: pytest.MonkeyPatch, little: int
 ) -> None:
     recording = open_recording(SAMPLE)
-    monkeypatch.setattr(memory, "INDEXED", memory.LEAST // 2)
+    monkeypatch.setattr(large, "INDEXED", large.LEAST // 2)
     told = r"too little: the points lie in [\d,]+ blocks, which have to be listed; give .* \d+M"
     with pytest.raises(UsageError, match=told), build_large(recording, parameters(), little):
         pass
@@ -115,7 +107,7 @@ def test_regions_that_memory_cannot_hold_are_told(
     monkeypatch: pytest.MonkeyPatch, little: int, tmp_path: Path
 ) -> None:
     (tmp_path / "given.yaml").write_text(REGIONS)
-    monkeypatch.setattr(large, "FINISHED", memory.LEAST)
+    monkeypatch.setattr(large, "FINISHED", large.LEAST)
     given = parameters(config=tmp_path / "given.yaml")
     recording = open_recording(SAMPLE)
     told = r"regions needs the whole map, [\d,]+ patches; give at least \d+M"

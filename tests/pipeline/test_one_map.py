@@ -23,7 +23,7 @@ from mlscli.cells import CellSet, Limits, pack
 from mlscli.io.mapfile import read_map, write_map
 from mlscli.io.recording import open_recording
 from mlscli.keyframes import Keyframe, Points
-from mlscli.pipeline import large, memory, tilewise
+from mlscli.pipeline import large, tilewise
 from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.builder import MapBuilder
 from mlscli.pipeline.grouping import group
@@ -169,11 +169,11 @@ def test_a_map_made_on_disk_is_the_map_of_one_pass(
     recording = open_recording(folder / "cloud.txt", columns="x,y,z,keyframe")
     with pytest.MonkeyPatch.context() as patch:
         # Memory for so many points to be sorted, patches to be put in order, points in a tile.
-        room = 2 * memory.LEAST
-        patch.setattr(memory, "resident", lambda: 100 * 2**20)
-        patch.setattr(memory, "SORTED", room // (2 * data.draw(st.integers(1, 300))))
+        room = 2 * large.LEAST
+        patch.setattr(large, "resident", lambda: 100 * 2**20)
+        patch.setattr(large, "SORTED", room // (2 * data.draw(st.integers(1, 300))))
         patch.setattr(large, "ORDERED", room // (2 * data.draw(st.integers(1, 300))))
-        patch.setattr(memory, "COMFORTABLE", data.draw(st.integers(1, 400)))
+        patch.setattr(large, "COMFORTABLE", data.draw(st.integers(1, 400)))
         with build_large(
             recording,
             parameters_of(stages),
