@@ -4,7 +4,8 @@ Surfaces look up. A wall that shares an edge with one is turned so that both run
 opposite directions: it looks over the floor at its foot and away from the roof at its top. Its
 triangles that share an edge with each other are turned alike, so that a wall looks to one side
 all along, the side on which more edges agree. Where floors and roofs do not tell (a wall that
-stands free), it is still one side; where three walls meet, each is its own.
+stands free), it is still one side; where three walls meet, each is its own. Walls that come back to
+themselves turned over, as a Moebius strip, look to one side but for one edge of the way round.
 """
 
 from __future__ import annotations
@@ -12,9 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from mlscli.kernels import inner, kernel
 from mlscli.typing import Bool, Int64
 
 
@@ -38,18 +38,9 @@ def oriented(walls: Int64, surfaces: Int64) -> Int64:
         return walls
     size = int(max(walls.max(), surfaces.max(initial=0))) + 1
     mine, others = _edges(walls, size), _edges(surfaces, size)
-    one, other, differ = _shared_by_two(mine)
-    # Each triangle is there twice, as it is and turned over; what belongs together is linked.
-    turn = len(walls)
-    here = np.concatenate((one, one + turn))
-    there = np.where(differ, other, other + turn)
-    there = np.concatenate((there, (there + turn) % (2 * turn)))
-    links = coo_array((np.ones(len(here), dtype=np.bool_), (here, there)), (2 * turn, 2 * turn))
-    count, component = connected_components(links, directed=False)
-    votes = _votes(mine, others, turn)
-    score = np.bincount(component, np.concatenate((votes, -votes)), count)
-    as_is, over = component[:turn], component[turn:]
-    turned = (score[over] > score[as_is]) | ((score[over] == score[as_is]) & (over < as_is))
+    first, over = _joined(*_shared_by_two(mine), len(walls))
+    votes = np.where(over, -1, 1) * _votes(mine, others, len(walls))
+    turned = over ^ (np.bincount(first, votes, len(walls))[first] < 0)
     result = walls.copy()
     result[turned] = walls[turned][:, ::-1]
     return result
@@ -73,6 +64,39 @@ def _shared_by_two(edges: _Edges) -> tuple[Int64, Int64, Bool]:
     one, other = order[first], order[first + 1]
     differ = edges.ascends[one] != edges.ascends[other]
     return edges.triangle[one], edges.triangle[other], differ
+
+
+@kernel
+def _joined(one: Int64, other: Int64, differ: Bool, size: int) -> tuple[Int64, Bool]:
+    """Return for each triangle one of those it belongs to, and whether it is turned against that.
+
+    Pairs are joined one by one: of a way round that contradicts itself the last is left out.
+    """
+    parent, over = np.arange(size), np.zeros(size, dtype=np.bool_)
+    for pair in range(len(one)):
+        here, there = one[pair], other[pair]
+        first, second = _root(parent, over, here), _root(parent, over, there)
+        if first != second:
+            # A root is never turned against itself.
+            parent[second] = first
+            over[second] = over[here] ^ over[there] ^ (not differ[pair])
+    for triangle in range(size):
+        _root(parent, over, triangle)
+    return parent, over
+
+
+@inner
+def _root(parent: Int64, over: Bool, triangle: int) -> int:
+    """Return the root of a triangle, of which it and all on the way there become children."""
+    root, turned = triangle, False
+    while parent[root] != root:
+        turned ^= over[root]
+        root = parent[root]
+    while triangle != root:
+        above, rest = parent[triangle], turned ^ over[triangle]
+        parent[triangle], over[triangle] = root, turned
+        triangle, turned = above, rest
+    return root
 
 
 def _votes(walls: _Edges, surfaces: _Edges, size: int) -> Int64:

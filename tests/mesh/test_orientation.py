@@ -8,12 +8,15 @@ outside a floor on both sides.
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 
+import mlscli
 from mlscli.mesh import Mesh, build_mesh
+from mlscli.scenes.flight import fly
 from mlscli.scenes.presets import make
 from mlscli.scenes.truth import truth
 from mlscli.surface_map import SurfaceMap
@@ -61,6 +64,20 @@ def test_the_walls_of_a_pit_look_into_it(turn: tuple[bool, bool, bool]) -> None:
     centre, normal = walls(build_mesh(surface))
     middle = np.array([surface.ix.mean() + 0.5, surface.iy.mean() + 0.5, -2.0])
     assert (((centre - middle) * normal).sum(axis=1) < 0).all()
+
+
+@pytest.mark.parametrize("kind", ["house-storeys", "planes-walls"])
+def test_walls_that_contradict_themselves_do_so_at_single_edges(kind: str) -> None:
+    points = [keyframe.points for keyframe in fly(make(kind)).keyframes]
+    builder = mlscli.MapBuilder(mlscli.load_parameters("plain", ["map.cell_size=0.15"]))
+    builder.process_cloud(np.concatenate(points))
+    mesh = build_mesh(builder.finish())
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    upright = np.abs(np.cross(b - a, c - a)[:, 2]) < 1e-12
+    mesh = replace(mesh, triangles=mesh.triangles[upright])
+    pairs = [directions for directions in shared_edges(mesh) if len(directions) == 2]
+    assert len(pairs) > 500
+    assert sum(abs(sum(directions)) == 2 for directions in pairs) < len(pairs) / 100
 
 
 def test_a_wall_that_stands_free_looks_to_one_side() -> None:
