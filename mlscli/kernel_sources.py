@@ -39,4 +39,5 @@ def _source(name: str) -> Path:
 @cache
 def _state(path: Path) -> tuple[str, int, int]:
     found = path.stat()
-    return str(path), found.st_mtime_ns, found.st_size
+    name = str(path.relative_to(_ROOT)) if path.is_relative_to(_ROOT) else path.name
+    return name, found.st_mtime_ns, found.st_size

@@ -9,6 +9,7 @@ where no folder can be written, in every run.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -33,11 +34,14 @@ def kernel(function: Function) -> Function:
     """
     try:
         compiled = njit(cache=True, nogil=True, **_NO_C)(function)
-        # numba has no word for it: what it compares with the state in which a source was compiled.
-        compiled._cache._cache_file._source_stamp = stamp(Path(function.__code__.co_filename))
     except RuntimeError:
         _Compiling.kept = False
         compiled = njit(nogil=True, **_NO_C)(function)
+    else:
+        # numba has no word for it: what it compares with the state in which a source was compiled.
+        # Without sources, or where nothing is compiled (NUMBA_DISABLE_JIT), it does as it will.
+        with suppress(OSError, AttributeError):
+            compiled._cache._cache_file._source_stamp = stamp(Path(function.__code__.co_filename))
     return cast("Function", compiled)
 
 
@@ -76,7 +80,7 @@ class _Compiling(event.Listener):
 
 
 class _Locked(event.Listener):
-    """Lets interrupts wait while a kernel is compiled or loaded.
+    """Lets interrupts wait while a kernel is compiled or loaded, and until others have done so.
 
     LLVM calls back into Python meanwhile, and loses what is raised there.
     """

@@ -7,6 +7,7 @@ what was compiled from an older source, so what is built in is changed, in one m
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
@@ -19,6 +20,7 @@ from pathlib import Path
 import pytest
 
 import mlscli
+from mlscli.kernel_sources import stamp
 from tests.maps import Patch, map_of
 
 Compare = Callable[[Mapping[str, str]], str]
@@ -105,7 +107,9 @@ def test_a_kernel_is_compiled_anew_when_what_is_built_into_it_has_changed(tmp_pa
 
     def answer() -> int:
         command = [sys.executable, "-c", "from mlscli.first import much; print(much(5))"]
-        environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+        # Python tells by whole seconds and sizes whether its own code is up to date.
+        told = {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+        environment = {**os.environ, **told}
         return int(subprocess.check_output(command, env=environment, cwd=tmp_path))
 
     assert answer() == 5 + 1
@@ -115,3 +119,20 @@ def test_a_kernel_is_compiled_anew_when_what_is_built_into_it_has_changed(tmp_pa
     assert answer() == 3 * 5 + 2
     (folder / "first.py").write_text(SOURCES["first.py"].replace("(x)\n", "(4 * x)\n"))
     assert answer() == 3 * 4 * 5 + 2
+
+
+def test_all_that_kernels_import_of_the_package_is_followed() -> None:
+    root = Path(mlscli.__file__).parent
+    with_kernels = [path for path in root.rglob("*.py") if "@kernel" in path.read_text()]
+    assert len(with_kernels) > 10
+    for source in {root / name for path in with_kernels for name, *_ in stamp(path)}:
+        for node in ast.walk(ast.parse(source.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module and "mlscli" in node.module:
+                # Modules that are imported from their package would be overlooked.
+                package = root.joinpath(*node.module.split(".")[1:])
+                assert not any((package / f"{name.name}.py").exists() for name in node.names)
+
+
+def test_kernels_run_as_python_where_nothing_is_to_be_compiled() -> None:
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", "import mlscli.merging"], env=environment, check=True)

@@ -40,8 +40,13 @@ def test_one_frame_that_takes_seconds_decides_nothing(browser: Browser) -> None:
 
 
 def test_a_pause_is_no_slow_frame(browser: Browser) -> None:
-    told = answers(browser, *20 * [QUICK, ("rests", 90), ("moving", 90)])
+    told = answers(browser, *20 * [QUICK, *6 * [STILL]])
     assert set(told) == {"smooth", True}
+
+
+def test_a_frame_is_slow_whether_the_view_moves_on_or_not(browser: Browser) -> None:
+    told = answers(browser, *40 * [QUICK, LAZY])
+    assert "coarse" in told
 
 
 def test_a_view_that_was_smooth_is_at_rest_at_once_another_after_a_while(browser: Browser) -> None:
@@ -57,6 +62,12 @@ def test_where_the_finest_was_quick_the_next_motion_is_finer(browser: Browser) -
     assert [told[70], told[101]] == ["rough", "smooth"]
     told = answers(browser, *coarse, *restless, *rest, QUICK)
     assert told[-1] == "coarse"
+
+
+def test_how_long_a_page_is_hidden_tells_nothing(browser: Browser) -> None:
+    hidden = [("pause", 0), ("rests", 60_000)]
+    told = answers(browser, QUICK, STILL, STILL, *hidden, *10 * [STILL], QUICK)
+    assert told[-1] == "smooth"
 
 
 def test_where_the_finest_took_long_motion_begins_without_it(browser: Browser) -> None:

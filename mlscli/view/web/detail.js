@@ -18,22 +18,28 @@ class Detail {
 
   // A frame of a view that moves: how finely to draw it.
   moving(now) {
-    const took = this.before === null ? 0 : Math.min(now - this.before, LONGEST);
-    this.mean += (took - this.mean) / FRAMES;
-    if (this.mean > SLOW && this.level < DETAILS.length - 1) {
-      this.level += 1;
-      this.mean = 0;
-    }
+    this.timed(now);
     this.before = this.moved = now;
     this.rested = { frames: 0, since: now, longest: 0 };
     return DETAILS[this.level];
   }
 
+  // What was drawn took until the next frame, whether the view still moves or not.
+  timed(now) {
+    if (this.before === null) return;
+    this.mean += (Math.min(now - this.before, LONGEST) - this.mean) / FRAMES;
+    this.before = null;
+    if (this.mean <= SLOW || this.level === DETAILS.length - 1) return;
+    this.level += 1;
+    this.mean = 0;
+  }
+
   // A frame of a view that stands still: whether it is at rest.
   rests(now) {
-    this.before = null;
-    if (this.level && now - this.moved < REST) return false;
-    this.mean = 0;
+    this.timed(now);
+    const isStill = now - this.moved >= REST;
+    if (isStill) this.mean = 0;
+    else if (this.level) return false;
     // The frames after the finest tell how long that one took, and so what the next motion begins
     // with.
     const { rested } = this;
@@ -42,6 +48,12 @@ class Detail {
     rested.since = now;
     if (rested.frames === FRAMES) this.begin(rested.longest);
     return true;
+  }
+
+  // Nothing is drawn meanwhile, as where the page is hidden: how long that took tells nothing.
+  pause() {
+    this.before = null;
+    this.rested.frames = FRAMES;
   }
 
   begin(longest) {

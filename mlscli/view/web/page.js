@@ -246,6 +246,7 @@ async function main() {
   canvas.addEventListener("dblclick", () => { camera.target = pick() || camera.target; redraw(); });
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   window.addEventListener("resize", redraw);
+  document.addEventListener("visibilitychange", () => detail.pause());
 
   const keys = {
     ArrowLeft: () => camera.turn(-TURN, 0), ArrowRight: () => camera.turn(TURN, 0),
