@@ -13,6 +13,7 @@ import sys
 import traceback
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from types import FrameType
 from typing import NoReturn
@@ -83,6 +84,7 @@ class Run:
     """What holds for the whole run."""
 
     debug: bool = False
+    stopped: Stopped | None = None
 
 
 @click.group(
@@ -98,26 +100,28 @@ def commands(run: Run, debug: bool) -> None:
 
 def main() -> NoReturn:
     """Run the command line and exit."""
+    run = Run()
     for number in (signal.SIGINT, signal.SIGTERM):
         # Where it is ignored, as under nohup, it stays so.
         if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, _stop)
+            signal.signal(number, partial(_stop, run))
     hear(_say)
-    run = Run()
     try:
         status = _status(run)
     except BaseException as error:
-        status = _report(error, run)
+        # Where a signal broke in, its exception may have become another.
+        status = _report(run.stopped or error, run)
     sys.exit(status)
 
 
-def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+def _stop(run: Run, number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     # A second signal must not interrupt the clearing up.
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, signal.SIG_IGN)
+    stopped = run.stopped = Stopped(number)
 
     def stop() -> NoReturn:
-        raise Stopped(number)
+        raise stopped
 
     when_safe(stop)
 

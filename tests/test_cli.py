@@ -26,7 +26,7 @@ MLS = [sys.executable, "-m", "mlscli"]
 
 # A run of the real entry point with one more command, whose function the test writes.
 PROBE = """
-import click, sys, time
+import click, signal, sys, time
 from pathlib import Path
 from mlscli import cli
 from mlscli.errors import *
@@ -178,6 +178,17 @@ def test_a_signal_leaves_no_unfinished_file_behind(
     assert process.returncode == status
     assert errors == "mls: interrupted\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_signal_breaks_is_no_error_of_its_own() -> None:
+    body = """
+    try:
+        signal.raise_signal(signal.SIGTERM)
+    except BaseException as error:
+        raise RuntimeError("broken off") from error
+    """
+    run = probe(body)
+    assert (run.returncode, run.stderr) == (143, "mls: interrupted\n")
 
 
 def test_an_ignored_interrupt_stays_ignored(tmp_path: Path) -> None:

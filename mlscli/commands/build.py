@@ -117,6 +117,8 @@ def command(
     parameters = load(config, settings)
     _check_together(parameters, growing or replay is not None, jobs, scheduler, memory, scratch)
     target = output or default_output(sources[0])
+    if Path(target).suffix.lower() in _NO_MAPS:
+        raise UsageError(f"{target}: a map is a .npz file; mls export makes others of it")
     refuse_existing(target, overwrite=overwrite, sources=sources)
     if replay is not None:
         if Path(replay).absolute() == Path(target).absolute():
@@ -166,6 +168,10 @@ def command(
     account |= {"points_per_second": account["points"]["read"] / seconds}
     click.echo(json.dumps(account, indent=2) if as_json else _text(account))
     return PARTLY_READ if recording.losses else 0
+
+
+# What ends so is not taken for a map by whoever opens it.
+_NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
 
 
 def default_output(source: str) -> str:

@@ -220,6 +220,7 @@ BAD_INPUT = {
         1,
         "is the source itself",
     ),
+    "an output that is no map": (["flight.txt", "-o", "flight.PLY"], 2, "a map is a .npz file"),
     "a map of nothing": (
         ["flight.txt", "--columns", "x,y,z,keyframe", "--set", "map.cell_size=0.0001"],
         1,
