@@ -58,7 +58,7 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
     """
     line = np.array([start, end], dtype=np.float64)
     length = math.dist(start, end)
-    words = ",".join(f"{number:g}" for number in line.ravel())
+    words = _told(start, end)
     if not 0 < length < math.inf or not on_grid(line, surface.cell_size).all():
         raise UsageError(f"--section {words}: expected two different places on the grid")
     if length / surface.cell_size > MAX_CELLS:
@@ -81,6 +81,11 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
     column = np.repeat(step, count)
     within = np.arange(len(column)) - np.repeat(np.cumsum(count) - count, count)
     return Cut(first[place[column]] + within, share[column] * length, share[column + 1] * length)
+
+
+def _told(*places: tuple[float, float], between: str = ",") -> str:
+    """Return coordinates as they are given, those of UTM with their centimetres."""
+    return between.join(f"{number:.9g}" for place in places for number in place)
 
 
 def plot_section(
@@ -116,8 +121,7 @@ def plot_section(
         surface = surface.take(surface.origin != ARTIFICIAL)
     met = cut(surface, start, end)
     if len(met.patch) == 0:
-        words = ",".join(f"{number:g}" for number in (*start, *end))
-        raise UsageError(f"--section {words}: meets no patch of the map")
+        raise UsageError(f"--section {_told(start, end)}: meets no patch of the map")
     low, high = surface.low_end[met.patch].min(), surface.height[met.patch].max()
     margin = max(0.08 * (high - low), 2 * surface.cell_size)
     length = math.dist(start, end)
@@ -134,7 +138,7 @@ def plot_section(
     _draw_patches(axes, surface, met, paint)
     _draw_route(axes, surface, np.array(start), np.array(end))
     axes.set_xlabel(
-        f"along the cut from ({start[0]:g}, {start[1]:g}) to ({end[0]:g}, {end[1]:g})",
+        f"along the cut from ({_told(start, between=', ')}) to ({_told(end, between=', ')})",
         fontsize=8,
         color=INK,
     )

@@ -75,3 +75,12 @@ def test_walls_are_boxes_down_to_their_depth() -> None:
     assert any(
         (box.min(axis=0).tolist(), box.max(axis=0).tolist()) == ([3, 1], [4, 4]) for box in boxes
     )
+
+
+def test_the_ends_of_a_cut_are_told_apart_also_far_from_the_origin() -> None:
+    surface = a_map(*[(4_498_561 + x, 0, 0.0, 0.0) for x in range(6)], cell_size=1.0)
+    start, end = (4498561.25, 0.5), (4498566.5, 0.5)
+    (axes, *_) = plot_section(surface, start, end).axes
+    assert axes.get_xlabel() == "along the cut from (4498561.25, 0.5) to (4498566.5, 0.5)"
+    with pytest.raises(UsageError, match=r"--section 4498600,0\.5,4498601,0\.5: meets no patch"):
+        plot_section(surface, (4498600, 0.5), (4498601, 0.5))
