@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from mlscli.pipeline.report import Report
 
 
+# What ends so is not taken for a map by whoever opens it.
+_NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
+
+
 @click.command()
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
 @click.option(
@@ -170,10 +174,6 @@ def command(
     return PARTLY_READ if recording.losses else 0
 
 
-# What ends so is not taken for a map by whoever opens it.
-_NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
-
-
 def default_output(source: str) -> str:
     """Return the name of the map where none is given: the source's stem and ``.npz``."""
     path = Path(source).resolve()
@@ -196,13 +196,11 @@ def _check_together(
     check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, growing)
     check_workers(parameters, {"--memory": memory}, growing)
     if scheduler is not None:
-        from mlscli.pipeline.connection import LOCAL, check_address
+        from mlscli.pipeline.connection import check_address, refuse_local
 
         check_address(scheduler)
-        if scheduler == LOCAL and memory is not None:
-            raise UsageError(
-                f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
-            )
+        if memory is not None:
+            refuse_local(scheduler)
     if scratch is not None and memory is None:
         raise UsageError("--scratch: says where --memory puts what it leaves no room for; add it")
 

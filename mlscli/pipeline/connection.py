@@ -31,6 +31,20 @@ _QUIET = {"logging": {"distributed": "critical", "distributed.client": "critical
 _LARGE = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
 
 
+def refuse_local(scheduler: str | None) -> None:
+    """Refuse workers on this machine where the memory that is taken is counted.
+
+    Raises
+    ------
+    UsageError
+        It is they.
+    """
+    if scheduler == LOCAL:
+        raise UsageError(
+            f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
+        )
+
+
 def check_address(scheduler: str) -> None:
     """Refuse what is no address of a scheduler.
 

@@ -24,7 +24,7 @@ from mlscli.pipeline.blocks import PointBlocks
 from mlscli.pipeline.build import emptied, feed
 from mlscli.pipeline.builder import MapBuilder, check_workers
 from mlscli.pipeline.change import points_in
-from mlscli.pipeline.connection import LOCAL, connected
+from mlscli.pipeline.connection import connected, refuse_local
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise import (
@@ -101,6 +101,7 @@ def build_large(
     InputError
         As for `build`.
     """
+    refuse_local(scheduler)
     if parameters.map.cell_size == "auto":
         raise UsageError(
             "--memory: needs a number for map.cell_size; auto looks at the whole recording at once"
@@ -110,10 +111,6 @@ def build_large(
             "--memory: a sequential map is made batch by batch, in memory; set mode=consistent"
         )
     check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, "")
-    if scheduler == LOCAL:
-        raise UsageError(
-            f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
-        )
     with ExitStack() as stack:
         workers: Workers = Threads(jobs or processors())
         if scheduler is not None:
