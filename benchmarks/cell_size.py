@@ -13,15 +13,15 @@ from statistics import harmonic_mean, mean
 
 import numpy as np
 
-from mlscli.cell_size import auto_cell_size
-from mlscli.config import Parameters
-from mlscli.keyframes import gather
-from mlscli.quality import flown, mapped
+from mlscli.building.cell_size import auto_cell_size
+from mlscli.keyframes.batches import gather
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.parameters import Parameters
+from mlscli.runtime.arrays import Bool
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.truth import truth
 from mlscli.scoring.kernels import Patches, covered, nearby
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool
+from mlscli.trials.quality import flown, mapped
 
 SQUARE, TOLERANCE, SIDEWAYS = 0.05, 0.075, 3
 GAP = 0.45

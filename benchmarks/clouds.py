@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.keyframes import Points
-from mlscli.surface_map import COLUMNS, SurfaceMap
+from mlscli.keyframes.batches import Points
+from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 
 CELL = 0.15
 

@@ -16,11 +16,11 @@ import click
 import mlscli
 from benchmarks.clouds import CELL, cloud
 from benchmarks.table import Timer
-from mlscli.pipeline.blocks import PointBlocks
-from mlscli.pipeline.connection import connected
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tilewise import Threads, Tile, Workers, tiles_of
+from mlscli.pipeline.tilewise.blocks import PointBlocks
+from mlscli.pipeline.tilewise.connection import connected
+from mlscli.pipeline.tilewise.tiles import Threads, Tile, Workers, tiles_of
 
 DENSITY = 10.0
 

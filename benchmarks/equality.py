@@ -15,18 +15,20 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from mlscli.config import Parameters, load
-from mlscli.io.recording import open_recording
-from mlscli.keyframes import Keyframe, Points, gather
-from mlscli.pipeline.blocks import PointBlocks
-from mlscli.pipeline.builder import MapBuilder
-from mlscli.pipeline.change import Change
+from mlscli.building.builder import MapBuilder
+from mlscli.config import load
+from mlscli.io.reading.recording import open_recording
+from mlscli.keyframes.batches import Points, gather
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.change import Change
+from mlscli.maps.records import records_of
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.tilewise import Threads, in_tiles, joined, tiles_of
-from mlscli.records import records_of
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
+from mlscli.pipeline.tilewise.blocks import PointBlocks
+from mlscli.pipeline.tilewise.tiles import Threads, in_tiles, joined, tiles_of
+from mlscli.runtime.arrays import Float64
 
 TELLO = {"columns": "x,y,z,-,-,-,-,keyframe,cx,cy,cz", "up": "-y"}
 

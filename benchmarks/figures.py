@@ -15,20 +15,21 @@ from typing import Any
 import numpy as np
 
 from benchmarks.shown import Claim, Shown, differing, less, tables
-from mlscli.cells import CellSet
-from mlscli.config import Parameters, load
-from mlscli.keyframes import Keyframe
-from mlscli.pipeline.plaster import Plaster
-from mlscli.pipeline.walls import Walls
-from mlscli.quality import mapped
+from mlscli.config import load
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.cells import CellSet
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.stages.plaster import Plaster
+from mlscli.pipeline.stages.walls import Walls
+from mlscli.runtime.arrays import Bool
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.presets import make
 from mlscli.scenes.surfaces import Scatter
 from mlscli.scoring import score
 from mlscli.scoring.comparison import matches
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool
+from mlscli.trials.quality import mapped
 
 CALM = Noise(sigma=Scatter(0.02, 0.02), salt_pepper=0.0)
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.recfunctions import unstructured_to_structured
 
 from benchmarks.process import ran
-from mlscli.io.bagwriter import CLOUD_TYPE, BagWriter
+from mlscli.io.writing.bag_messages import CLOUD_TYPE, BagWriter
 
 CELL, POINTS_PER_CELL, MESSAGE, LANES = 0.1, 10, 200_000, 20
 # A neighbourhood of the usual number of points, for cells that hold so many.

@@ -11,18 +11,19 @@ from statistics import mean
 
 import numpy as np
 
-from mlscli.config import Parameters, load
-from mlscli.keyframes import Keyframe
-from mlscli.pipeline.builder import MapBuilder
-from mlscli.quality import GRID, flown, scored
+from mlscli.building.builder import MapBuilder
+from mlscli.config import load
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.parameters import Parameters
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.parts import cell, cells, floor, wall
 from mlscli.scenes.presets import PRESETS, make
 from mlscli.scenes.surfaces import Leg, Scene
 from mlscli.scoring import Score
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
+from mlscli.trials.quality import GRID, flown, scored
 
 SEEDS = (1, 2, 3)
 SIGMA, CELL = 0.05, 0.15

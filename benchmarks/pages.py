@@ -17,11 +17,11 @@ from pathlib import Path
 import click
 import numpy as np
 
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.scenes.presets import make
 from mlscli.scenes.truth import truth
-from mlscli.surface_map import SurfaceMap
 from mlscli.view.page import write_page
-from tests.browser import Browser
+from tests.helpers.browser import Browser
 
 # Does something in every frame; returns the milliseconds of each, without the first.
 FRAMES = """(async () => {

@@ -10,11 +10,11 @@ from __future__ import annotations
 from statistics import mean
 
 from mlscli.config import load
-from mlscli.quality import CELL_SIZE, flown, mapped
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.truth import truth
 from mlscli.scoring import Score, score
-from mlscli.surface_map import SurfaceMap
+from mlscli.trials.quality import CELL_SIZE, flown, mapped
 
 THESIS = {
     "median.recentre": "0",

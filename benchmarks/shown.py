@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mlscli.maps.surface_map import MEASURED, SurfaceMap
+from mlscli.runtime.arrays import Bool, Float64
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.truth import truth
 from mlscli.scoring import Score, compare_maps, score
 from mlscli.scoring.kernels import Patches, covered, nearby
-from mlscli.surface_map import MEASURED, SurfaceMap
-from mlscli.typing import Bool, Float64
 
 Range = tuple[float, float]
 Extent = tuple[int, int]

@@ -9,23 +9,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from mlscli.errors import MlsError
+from mlscli.version import __version__
 
 if TYPE_CHECKING:
-    from mlscli.config import Parameters
+    from mlscli.building.build import build_map
+    from mlscli.building.builder import MapBuilder
     from mlscli.config import load as load_parameters
-    from mlscli.io.glb import write_glb
-    from mlscli.io.mapfile import read_map, write_map
-    from mlscli.io.obj import write_obj
-    from mlscli.io.ply import write_ply
-    from mlscli.io.recording import open_recording
-    from mlscli.io.replay import open_replay, write_replay
+    from mlscli.io.reading.recording import open_recording
+    from mlscli.io.writing.glb import write_glb
+    from mlscli.io.writing.npz import read_map, write_map
+    from mlscli.io.writing.obj import write_obj
+    from mlscli.io.writing.ply import write_ply
+    from mlscli.maps.surface_map import SurfaceMap
     from mlscli.mesh import build_mesh
-    from mlscli.pipeline.build import build_map
-    from mlscli.pipeline.builder import MapBuilder
-    from mlscli.surface_map import SurfaceMap
+    from mlscli.pipeline.parameters import Parameters
     from mlscli.view.page import write_page
-
-__version__ = "0.1.0"
+    from mlscli.view.replay import open_replay, write_replay
 
 __all__ = [
     "MapBuilder",
@@ -48,21 +47,21 @@ __all__ = [
 ]
 
 _HOMES = {
-    "MapBuilder": ("mlscli.pipeline.builder", "MapBuilder"),
+    "MapBuilder": ("mlscli.building.builder", "MapBuilder"),
     "Parameters": ("mlscli.config", "Parameters"),
-    "SurfaceMap": ("mlscli.surface_map", "SurfaceMap"),
-    "build_map": ("mlscli.pipeline.build", "build_map"),
+    "SurfaceMap": ("mlscli.maps.surface_map", "SurfaceMap"),
+    "build_map": ("mlscli.building.build", "build_map"),
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
-    "open_recording": ("mlscli.io.recording", "open_recording"),
-    "open_replay": ("mlscli.io.replay", "open_replay"),
-    "read_map": ("mlscli.io.mapfile", "read_map"),
-    "write_glb": ("mlscli.io.glb", "write_glb"),
-    "write_map": ("mlscli.io.mapfile", "write_map"),
-    "write_obj": ("mlscli.io.obj", "write_obj"),
+    "open_recording": ("mlscli.io.reading.recording", "open_recording"),
+    "open_replay": ("mlscli.view.replay", "open_replay"),
+    "read_map": ("mlscli.io.writing.npz", "read_map"),
+    "write_glb": ("mlscli.io.writing.glb", "write_glb"),
+    "write_map": ("mlscli.io.writing.npz", "write_map"),
+    "write_obj": ("mlscli.io.writing.obj", "write_obj"),
     "write_page": ("mlscli.view.page", "write_page"),
-    "write_ply": ("mlscli.io.ply", "write_ply"),
-    "write_replay": ("mlscli.io.replay", "write_replay"),
+    "write_ply": ("mlscli.io.writing.ply", "write_ply"),
+    "write_replay": ("mlscli.view.replay", "write_replay"),
 }
 
 

@@ -20,10 +20,10 @@ from typing import NoReturn
 
 import click
 
-from mlscli import __version__
 from mlscli.errors import ConfigError, MlsError, nearest
-from mlscli.interrupts import when_safe
-from mlscli.notices import hear
+from mlscli.runtime.interrupts import when_safe
+from mlscli.runtime.notices import hear
+from mlscli.version import __version__
 
 # Name to module and to a line of help, so that the help of the group loads none of them.
 COMMANDS = {

@@ -53,6 +53,11 @@ def one_line(words: object) -> str:
     return " ".join(str(words).split())[:400].rstrip(".")
 
 
+def shorten(text: str, width: int = 60) -> str:
+    """Cut a text that is too long for a message."""
+    return text if len(text) <= width else f"{text[: width - 3]}..."
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Suggest the valid name that a wrong one was probably meant to be, or list them all."""
     from difflib import get_close_matches

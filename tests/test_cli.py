@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.program import heed_interrupts
+from tests.helpers.program import heed_interrupts
 
 ROOT = Path(__file__).resolve().parent.parent
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}

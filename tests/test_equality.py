@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from benchmarks.equality import RECORDED, SIZES, TILES, differ, part, rows
+from mlscli.building.builder import MapBuilder
 from mlscli.config import load
-from mlscli.keyframes import Keyframe
-from mlscli.pipeline.builder import MapBuilder
+from mlscli.keyframes.keyframe import Keyframe
 
 POINTS = 1200
 

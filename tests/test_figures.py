@@ -14,17 +14,18 @@ import pytest
 
 from benchmarks import figures as told
 from benchmarks.shown import Claim, Shown, count_peaks, tables
-from mlscli.config import Parameters, load
-from mlscli.pipeline.orphans import Orphans
-from mlscli.pipeline.plaster import Plaster
-from mlscli.pipeline.pyramids import Pyramids
-from mlscli.pipeline.stage import Stage
-from mlscli.quality import mapped
+from mlscli.config import load
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.stages.orphans import Orphans
+from mlscli.pipeline.stages.plaster import Plaster
+from mlscli.pipeline.stages.pyramids import Pyramids
+from mlscli.pipeline.stages.stage import Stage
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.surfaces import Scatter, Scene, add_horizontal
-from mlscli.surface_map import SurfaceMap
-from tests.maps import GAP, Patch, map_of
+from mlscli.trials.quality import mapped
+from tests.helpers.maps import GAP, Patch, map_of
 
 FIGURES = (
     *(told.median, told.orphans, told.pyramids, told.plaster, told.sparse),

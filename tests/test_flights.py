@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 import mlscli
-from mlscli.keyframes import Keyframe, Points
-from mlscli.pipeline.builder import MapBuilder
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
-from tests.bags import Sent, write_bag
-from tests.maps import symmetries, turned_map, turned_points
+from mlscli.building.builder import MapBuilder
+from mlscli.keyframes.batches import Points
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Float64
+from tests.helpers.bags import Sent, write_bag
+from tests.helpers.maps import symmetries, turned_map, turned_points
 
 COLUMNS = "x,y,z,-,-,-,-,keyframe,cx,cy,cz"
 CELL_SIZE = 0.029

@@ -12,8 +12,8 @@ import pytest
 from docs.gallery.render import View, render
 from mlscli.mesh import build_mesh
 from mlscli.mesh.colours import ARTIFICIAL_RED
-from tests.maps import Patch, map_of
-from tests.meshes import a_map, plane
+from tests.helpers.maps import Patch, map_of
+from tests.helpers.meshes import a_map, plane
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PICTURES = sorted((DOCS / "gallery").glob("*.png"))

@@ -10,11 +10,11 @@ import pytest
 
 from benchmarks.levels import OPENINGS
 from mlscli.config import load
-from mlscli.pipeline.plaster import Plaster
+from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
+from mlscli.pipeline.stages.plaster import Plaster
 from mlscli.scenes.surfaces import Scene
 from mlscli.scenes.truth import truth
 from mlscli.scoring import score
-from mlscli.surface_map import ARTIFICIAL, SurfaceMap
 
 CELL = 0.15
 WIDEST = 5  # cells of max_gap_enhanced by default

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import mlscli
-from tests.bags import Sent, write_bag
-from tests.program import mls
+from tests.helpers.bags import Sent, write_bag
+from tests.helpers.program import mls
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -21,16 +21,16 @@ from scipy.spatial.transform import Rotation
 
 import mlscli
 from mlscli.errors import InputError, MlsError
-from mlscli.io.bagfile import write_bag as write_flight
-from mlscli.io.recording import Recording, open_recording
+from mlscli.io.reading.recording import Recording, open_recording
+from mlscli.io.writing.flight_bag import write_bag as write_flight
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.presets import make
 from mlscli.scoring import compare_maps
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
-from tests.bags import Told, write_told
-from tests.broken import Sent, whole_in_mcap, whole_in_ros1
-from tests.ros import header, vector
+from tests.helpers.bags import Told, write_told
+from tests.helpers.broken import Sent, whole_in_mcap, whole_in_ros1
+from tests.helpers.ros import header, vector
 
 JACKAL_POSES = "/vrpn_client_node/jackal/pose"
 

@@ -25,10 +25,11 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.table import Row, Timer
-from mlscli.config import Parameters, load
-from mlscli.keyframes import Keyframe
-from mlscli.pipeline.builder import MapBuilder
-from mlscli.typing import Float64
+from mlscli.building.builder import MapBuilder
+from mlscli.config import load
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.pipeline.parameters import Parameters
+from mlscli.runtime.arrays import Float64
 
 CELL, DENSITY, SQUARE, BATCH, ROUNDS = 0.15, 2, 20, 52, 40
 SIZES = (10**3, 10**4, 10**5, 10**6)

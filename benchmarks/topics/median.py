@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.clouds import CELL, cloud
 from benchmarks.table import Row, Timer, Work
-from mlscli.pipeline.median import Median
-from mlscli.typing import Float64
+from mlscli.pipeline.stages.median import Median
+from mlscli.runtime.arrays import Float64
 
 RADIUS, NEAREST, LEAST = 0.45, 16, 8
 MEDIAN = Median(RADIUS, NEAREST, LEAST)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from benchmarks.clouds import plain
 from benchmarks.table import Row, Timer, Work
-from mlscli.io.obj import write_obj
-from mlscli.io.ply import write_ply
+from mlscli.io.writing.obj import write_obj
+from mlscli.io.writing.ply import write_ply
 from mlscli.mesh import Mesh, build_mesh
 
 SIDE = 700

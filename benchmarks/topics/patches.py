@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.clouds import CELL, cloud
 from benchmarks.table import Row, Timer, Work
 from mlscli.pipeline.grouping import group
-from mlscli.typing import Float64, Int64
+from mlscli.runtime.arrays import Float64, Int64
 
 GAP = 3 * CELL
 SIZE = 10**6

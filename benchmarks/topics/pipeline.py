@@ -9,10 +9,11 @@ import numpy as np
 
 from benchmarks.clouds import CELL, cloud
 from benchmarks.table import Row, Timer
-from mlscli.config import Parameters, load
-from mlscli.keyframes import Keyframe
-from mlscli.pipeline.builder import MapBuilder
-from mlscli.typing import Float64
+from mlscli.building.builder import MapBuilder
+from mlscli.config import load
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.pipeline.parameters import Parameters
+from mlscli.runtime.arrays import Float64
 
 SIZES = (10**6, 3 * 10**6, 10**7)
 

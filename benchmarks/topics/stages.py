@@ -10,7 +10,7 @@ from benchmarks.table import Row, Timer
 from benchmarks.topics.patches import GAP
 from mlscli.config import load, loads
 from mlscli.pipeline.grouping import group
-from mlscli.pipeline.stage import MapStage
+from mlscli.pipeline.stages.stage import MapStage
 
 SIDE, SIZE, DENSITY, LEAST = 500, 10**6, 4.0, 30.0
 

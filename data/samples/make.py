@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mlscli.typing import Bool, Float64
+from mlscli.runtime.arrays import Bool, Float64
 
 SIGMA_XY, SIGMA_Z = 0.03, 0.04
 OUTLIERS, OUTLIER_SIGMA = 0.04, 1.2

@@ -19,18 +19,18 @@ from benchmarks import figures
 from benchmarks.shown import Shown
 from docs.gallery.render import View, render
 from mlscli.config import load
-from mlscli.growth import patch_places
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.maps.uncovering import patch_places
 from mlscli.mesh import Mesh, build_mesh
 from mlscli.plot import plot_above, plot_differences, plot_section
-from mlscli.quality import mapped
+from mlscli.runtime.arrays import Float64, UInt8
 from mlscli.scenes.flight import fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.parts import block, cell, cells, floor, inset, ramp, wall
 from mlscli.scenes.presets import make
 from mlscli.scenes.surfaces import Scatter, Scene
 from mlscli.scoring.comparison import matches
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64, UInt8
+from mlscli.trials.quality import mapped
 
 FOLDER = Path(__file__).parent
 MOST_BYTES = 150_000

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mlscli.kernels import kernel
 from mlscli.mesh import ROUTE, Mesh
 from mlscli.plot.differences import RING
-from mlscli.typing import Float64, Int64, UInt8
+from mlscli.runtime.arrays import Float64, Int64, UInt8
+from mlscli.runtime.kernels import kernel
 
 FINER = 3
 """Pixels of the drawing along each side of one of the picture."""

@@ -12,7 +12,7 @@ from mlscli.commands.options import as_json, configured, overwrite, say
 from mlscli.commands.progress import ProgressBar
 
 if TYPE_CHECKING:
-    from mlscli.config import Parameters
+    from mlscli.pipeline.parameters import Parameters
 
 
 @click.command()
@@ -64,7 +64,7 @@ def command(
     """
     from mlscli.config import load
     from mlscli.errors import UsageError
-    from mlscli.io.atomic import atomic_write, refuse_existing
+    from mlscli.io.writing.atomic import atomic_write, refuse_existing
 
     if quality == (sizes is not None):
         raise UsageError("mls bench: say what to measure: --quality or --sizes 20..400")
@@ -91,8 +91,8 @@ def command(
 def _quality(
     scenes: str | None, outliers: str, seeds: str, parameters: Parameters, as_json: bool
 ) -> str:
-    from mlscli import quality
     from mlscli.errors import UsageError
+    from mlscli.trials import quality
 
     shares, numbers = _numbers("--outliers", outliers), _numbers("--seeds", seeds)
     if not all(number.is_integer() for number in numbers):
@@ -111,9 +111,9 @@ def _pace(
     overwrite: bool,
     as_json: bool,
 ) -> str:
-    from mlscli import pace
     from mlscli.errors import InputError
     from mlscli.plot import require_format, write_figure
+    from mlscli.trials import pace
 
     numbers = pace.parse_sizes(sizes)
     if plot is not None:

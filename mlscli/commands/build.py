@@ -18,11 +18,11 @@ from mlscli.commands.reading import reading
 from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
-    from mlscli.config import Parameters
-    from mlscli.pipeline.build import Build
-    from mlscli.pipeline.builder import Follower
-    from mlscli.pipeline.change import Change
-    from mlscli.pipeline.large import LargeBuild
+    from mlscli.building.build import Build
+    from mlscli.building.builder import Follower
+    from mlscli.building.large import LargeBuild
+    from mlscli.maps.change import Change
+    from mlscli.pipeline.parameters import Parameters
     from mlscli.pipeline.report import Report
 
 
@@ -109,13 +109,13 @@ def command(
     .laz) or a reconstruction (COLMAP, OpenSfM), told by content; several are read in turn, as one
     flight.
     """
+    from mlscli.building.build import build
+    from mlscli.building.large import build_large
     from mlscli.config import load
-    from mlscli.io.atomic import refuse_existing
-    from mlscli.io.mapfile import write_map
-    from mlscli.io.recording import open_recording
-    from mlscli.pipeline.build import build
-    from mlscli.pipeline.large import build_large
-    from mlscli.surface_map import SurfaceMap
+    from mlscli.io.reading.recording import open_recording
+    from mlscli.io.writing.atomic import refuse_existing
+    from mlscli.io.writing.npz import write_map
+    from mlscli.maps.surface_map import SurfaceMap
 
     begin = time.perf_counter()
     parameters = load(config, settings)
@@ -139,7 +139,7 @@ def command(
     with ProgressBar() as progress, ExitStack() as stack:
         follow: Follower | None = _nobody if growing else None
         if replay is not None:
-            from mlscli.io.replay import open_replay
+            from mlscli.view.replay import open_replay
 
             played = stack.enter_context(open_replay(replay, overwrite=overwrite))
             follow = played.follow
@@ -190,13 +190,13 @@ def _check_together(
     scratch: str | None,
 ) -> None:
     """Refuse options that do not go together."""
-    from mlscli.pipeline.builder import check_workers
+    from mlscli.building.builder import check_workers
 
     growing = "--growing or --replay" if followed else ""
     check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, growing)
     check_workers(parameters, {"--memory": memory}, growing)
     if scheduler is not None:
-        from mlscli.pipeline.connection import check_address, refuse_local
+        from mlscli.pipeline.tilewise.connection import check_address, refuse_local
 
         check_address(scheduler)
         if memory is not None:
@@ -210,8 +210,8 @@ def _nobody(change: Change) -> None:
 
 
 def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[str, Any]:
-    from mlscli.stored_map import head_of
-    from mlscli.summary import describe
+    from mlscli.maps.stored_map import head_of
+    from mlscli.maps.summary import describe
 
     head = head_of(built.surface)
     meta = head.meta

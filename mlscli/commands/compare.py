@@ -14,8 +14,8 @@ from mlscli.commands.options import as_json
 from mlscli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
+    from mlscli.maps.surface_map import SurfaceMap
     from mlscli.scoring import Comparison, Differences, HeightErrors, Measures, Score, Share, Spread
-    from mlscli.surface_map import SurfaceMap
 
 # As of diff and cmp: what could not be compared must not pass for different.
 DIFFER, TROUBLE = 1, 2
@@ -71,7 +71,7 @@ def _trouble(names: str) -> Iterator[None]:
 
 
 def _compare(a: str, b: str, tolerance: float, as_json: bool) -> int:
-    from mlscli.io.mapfile import read_map
+    from mlscli.io.writing.npz import read_map
     from mlscli.scoring import compare_maps
 
     comparison = compare_maps(read_map(a), read_map(b), tolerance)
@@ -83,7 +83,7 @@ def _compare(a: str, b: str, tolerance: float, as_json: bool) -> int:
 
 
 def _score(map_file: str, truth_file: str, as_json: bool) -> int:
-    from mlscli.io.mapfile import read_map
+    from mlscli.io.writing.npz import read_map
     from mlscli.scoring import score
 
     surface, truth = read_map(map_file), read_map(truth_file)

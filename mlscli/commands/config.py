@@ -20,7 +20,7 @@ def command() -> None:
 def init(preset: str, output: str, overwrite: bool) -> None:
     """Write a preset with its comments to a file, to be edited."""
     from mlscli.config import preset_text
-    from mlscli.io.atomic import atomic_write
+    from mlscli.io.writing.atomic import atomic_write
 
     text = preset_text(preset)
     with atomic_write(output, overwrite=overwrite) as stream:
@@ -33,7 +33,8 @@ def init(preset: str, output: str, overwrite: bool) -> None:
 @as_json
 def show(config: str | None, settings: tuple[str, ...], as_json: bool) -> None:
     """Print the parameters in force, each with its unit and range."""
-    from mlscli.config import load, to_dict, to_yaml
+    from mlscli.config import load, to_yaml
+    from mlscli.pipeline.parameters import to_dict
 
     parameters = load(config, settings)
     if as_json:

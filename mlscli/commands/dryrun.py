@@ -13,8 +13,8 @@ from mlscli.commands import report
 from mlscli.commands.options import PARTLY_READ, say
 
 if TYPE_CHECKING:
-    from mlscli.config import Parameters
-    from mlscli.pipeline.builder import Follower
+    from mlscli.building.builder import Follower
+    from mlscli.pipeline.parameters import Parameters
 
 
 def tell(
@@ -27,7 +27,7 @@ def tell(
     as_json: bool,
 ) -> int:
     """Say what a build of these sources would do, and return the exit status."""
-    from mlscli.estimate import estimate_build
+    from mlscli.trials.estimate import estimate_build
 
     estimate = estimate_build(*sources, parameters=parameters, follow=follow, **selection)
     account = {"map": target, "mode": parameters.mode, **asdict(estimate)}

@@ -12,8 +12,8 @@ from mlscli.commands.options import as_json, coloured, overwrite, without_artifi
 from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
+    from mlscli.maps.surface_map import SurfaceMap
     from mlscli.mesh.colours import ColourBy
-    from mlscli.surface_map import SurfaceMap
 
 Format: TypeAlias = Literal["ply", "obj", "glb", "mcap"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -71,12 +71,12 @@ def command(
     kind = _format(kind, output)
     target = Path(output) if output is not None else Path(f"{map_file.stem}.{kind}")
 
-    from mlscli.io.atomic import refuse_existing
+    from mlscli.io.writing.atomic import refuse_existing
 
     refuse_existing(target, overwrite=overwrite, sources=[map_file])
 
-    from mlscli.io.glb import write_glb
-    from mlscli.io.mapfile import read_map
+    from mlscli.io.writing.glb import write_glb
+    from mlscli.io.writing.npz import read_map
 
     if kind == "mcap":
         if style != "surface" or max_slope is not None or no_artificial or colour != "height":
@@ -86,8 +86,8 @@ def command(
         _tell(target, kind, {"patches": surface.size}, as_json=as_json)
         return
 
-    from mlscli.io.obj import write_obj
-    from mlscli.io.ply import write_ply
+    from mlscli.io.writing.obj import write_obj
+    from mlscli.io.writing.ply import write_ply
     from mlscli.mesh import MAX_SLOPE, build_mesh
 
     mesh = build_mesh(
@@ -109,8 +109,8 @@ def command(
 
 def _replay(target: Path, surface: SurfaceMap, *, overwrite: bool) -> None:
     """Write the map as the flight saw it."""
-    from mlscli.growth import growth
-    from mlscli.io.replay import write_replay
+    from mlscli.maps.uncovering import growth
+    from mlscli.view.replay import write_replay
 
     write_replay(target, surface, growth(surface), overwrite=overwrite)
 

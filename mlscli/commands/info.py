@@ -14,7 +14,7 @@ from mlscli.commands import report, topics
 from mlscli.commands.options import PARTLY_READ, as_json, say
 
 if TYPE_CHECKING:
-    from mlscli.surface_map import SurfaceMap
+    from mlscli.maps.surface_map import SurfaceMap
 
 TEXT = "text cloud"
 
@@ -60,7 +60,7 @@ def command(paths: tuple[str, ...], columns: str | None, up: str, as_json: bool)
 
 
 def _describe(path: str, columns: str | None, up: str) -> dict[str, Any]:
-    from mlscli.io.mapfile import is_map, read_map
+    from mlscli.io.writing.npz import is_map, read_map
 
     if is_map(path) or (path.endswith(".npz") and Path(path).is_file()):
         return _of_map(path, read_map(path))
@@ -68,15 +68,15 @@ def _describe(path: str, columns: str | None, up: str) -> dict[str, Any]:
 
 
 def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
-    from mlscli.summary import describe
+    from mlscli.maps.summary import describe
 
     return {"file": path, "kind": "map", **describe(surface), "meta": surface.meta}
 
 
 def _of_recording(path: str, columns: str | None, up: str) -> dict[str, Any]:
-    from mlscli.io.base import Reading
-    from mlscli.io.formats import open_source
-    from mlscli.io.topic import TopicSource
+    from mlscli.io.messages.topic import TopicSource
+    from mlscli.io.reading.formats import open_source
+    from mlscli.io.source import Reading
 
     source = open_source(Path(path), Reading(columns=columns))
     begin, end = (None if math.isnan(time) else time for time in source.time_span())
@@ -88,11 +88,11 @@ def _of_recording(path: str, columns: str | None, up: str) -> dict[str, Any]:
 
 def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
     """Describe a cloud, its levels in cells of the size that `auto` gives."""
-    from mlscli.config import Parameters
+    from mlscli.building.build import build
     from mlscli.errors import InputError
-    from mlscli.io.recording import open_recording
-    from mlscli.pipeline.build import build
-    from mlscli.summary import describe
+    from mlscli.io.reading.recording import open_recording
+    from mlscli.maps.summary import describe
+    from mlscli.pipeline.parameters import Parameters
 
     recording = open_recording(path, columns=columns, up=up)
     keyframes = list(recording.keyframes())

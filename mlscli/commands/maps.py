@@ -15,7 +15,7 @@ def the_one_map() -> Path:
     UsageError
         Where there is none, or there are several.
     """
-    from mlscli.io.mapfile import is_map
+    from mlscli.io.writing.npz import is_map
 
     maps = sorted(file for file in Path().glob("*.npz") if is_map(file))
     if not maps:

@@ -64,12 +64,12 @@ def command(
     line = None if section is None else _line(section)
     target = Path(output) if output is not None else Path(f"{Path(source).stem}.png")
 
-    from mlscli.io.atomic import refuse_existing
+    from mlscli.io.writing.atomic import refuse_existing
 
     sources = [source] if other is None else [source, other]
     refuse_existing(target, overwrite=overwrite, sources=sources)
 
-    from mlscli.io.mapfile import read_map
+    from mlscli.io.writing.npz import read_map
     from mlscli.plot import plot_above, plot_differences, plot_section, require_format, write_figure
 
     require_format(target)

@@ -43,7 +43,7 @@ def levels(cells_by_level: Mapping[str, int]) -> str:
 
 
 def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the rows that tell what a map holds, from `mlscli.summary.describe`."""
+    """Return the rows that tell what a map holds, from `mlscli.maps.summary.describe`."""
     patches = dict(description["patches"])
     total, vertical = patches.pop("total"), patches.pop("vertical")
     by_origin = counts(patches)

@@ -150,7 +150,7 @@ def command(
     beside = target.with_name(f"{stem}.truth.npz")
     _refuse_existing(target, kind, beside, overwrite)
 
-    from mlscli.io.mapfile import write_map
+    from mlscli.io.writing.npz import write_map
     from mlscli.scenes.truth import truth
 
     begin = time.perf_counter()
@@ -221,12 +221,12 @@ def _kind(target: Path) -> Kind:
 
 
 def _refuse_existing(target: Path, kind: Kind, beside: Path, overwrite: bool) -> None:
-    from mlscli.io.atomic import refuse_existing
+    from mlscli.io.writing.atomic import refuse_existing
 
     if kind == "text":
         refuse_existing(target, overwrite=overwrite)
     else:
-        from mlscli.io.bagfile import refuse_existing_bag
+        from mlscli.io.writing.flight_bag import refuse_existing_bag
 
         refuse_existing_bag(target, kind, overwrite=overwrite)
     refuse_existing(beside, overwrite=overwrite)
@@ -267,11 +267,11 @@ def _fly(
 
 def _write(target: Path, kind: Kind, flight: Flight, sensor_frame: bool, overwrite: bool) -> None:
     if kind == "text":
-        from mlscli.io.flightfile import write_text
+        from mlscli.io.writing.flight_text import write_text
 
         write_text(target, flight.keyframes, overwrite=overwrite)
     else:
-        from mlscli.io.bagfile import write_bag
+        from mlscli.io.writing.flight_bag import write_bag
 
         write_bag(
             target,

@@ -6,16 +6,16 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mlscli.io.base import Source, Topic
-    from mlscli.transforms import TransformTree
+    from mlscli.geometry.transforms import TransformTree
+    from mlscli.io.source import Source, Topic
 
 _SECONDS = 5.0  # for transforms: an hour of them, where they do not lie among images
 
 
 def describe(source: Source) -> dict[str, Any]:
     """Return what each topic is good for, frames, notes and losses, ready for JSON."""
-    from mlscli.io.frames import told_tree, why_not_mapped
-    from mlscli.io.glance import Glance
+    from mlscli.io.reading.frames import told_tree, why_not_mapped
+    from mlscli.io.reading.glance import Glance
 
     glance = Glance(seconds=_SECONDS)
     tree = told_tree([glance.of(source)])
@@ -57,8 +57,8 @@ def _use(topic: Topic) -> str | None:
 
 def _map_frame(topic: Topic, tree: TransformTree) -> str:
     """Return the frame in which the clouds of a topic are mapped where nothing else is asked."""
-    from mlscli.io.frames import is_world, world_above
-    from mlscli.transforms import bare
+    from mlscli.geometry.transforms import bare
+    from mlscli.io.reading.frames import is_world, world_above
 
     frame = bare(topic.frame)
     if not frame or is_world(frame):
@@ -95,7 +95,7 @@ def _good_for(topic: dict[str, Any]) -> str:
         return "no clouds"
     if not topic["mappable"]:
         return f"not mapped as it is: {topic['why_not']}"
-    from mlscli.transforms import bare
+    from mlscli.geometry.transforms import bare
 
     frame, into = bare(topic["frame"]), topic["map_frame"]
     if not frame:

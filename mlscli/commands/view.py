@@ -13,8 +13,8 @@ from mlscli.commands.options import overwrite, say
 from mlscli.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
-    from mlscli.surface_map import SurfaceMap
-    from mlscli.typing import Float64
+    from mlscli.maps.surface_map import SurfaceMap
+    from mlscli.runtime.arrays import Float64
 
 
 @click.command()
@@ -44,8 +44,8 @@ def command(
         raise UsageError("--window: shows the map alone; leave out --html and --points")
     map_file = Path(source) if source is not None else the_one_map()
 
-    from mlscli.io.atomic import refuse_existing
-    from mlscli.io.mapfile import read_map
+    from mlscli.io.writing.atomic import refuse_existing
+    from mlscli.io.writing.npz import read_map
 
     if html is not None:
         refuse_existing(html, overwrite=overwrite, sources=[map_file, *points])
@@ -71,7 +71,7 @@ def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
     """Return the points of recordings, read with the options that the map was built with."""
     import numpy as np
 
-    from mlscli.io.recording import open_recording
+    from mlscli.io.reading.recording import open_recording
 
     options = surface.meta.get("reading") or {}
     try:

@@ -15,34 +15,20 @@ from textwrap import wrap
 from typing import Any
 
 from mlscli.config.draft import Draft, Part
-from mlscli.config.parameter_set import (
+from mlscli.config.yaml_nodes import LocatedFault, Place, UnreadableYaml
+from mlscli.errors import ConfigError, InputError, nearest
+from mlscli.parameters.fields import Field, fields_of, write_value
+from mlscli.pipeline.parameters import (
     DEFAULT_PIPELINE,
     SECTIONS,
-    BatchParameters,
     Contradiction,
-    MapParameters,
     Parameters,
-    Vehicle,
     contradictions,
     dotted,
 )
-from mlscli.config.schema import Field, fields_of, json_value, write_value
-from mlscli.config.yaml_nodes import LocatedFault, Place, UnreadableYaml
-from mlscli.errors import ConfigError, InputError, nearest
-from mlscli.pipeline.registry import STAGES
+from mlscli.pipeline.stages.registry import STAGES
 
-__all__ = [
-    "PRESETS",
-    "BatchParameters",
-    "MapParameters",
-    "Parameters",
-    "Vehicle",
-    "load",
-    "loads",
-    "preset_text",
-    "to_dict",
-    "to_yaml",
-]
+__all__ = ["PRESETS", "load", "loads", "preset_text", "to_yaml"]
 
 PRESETS = ("default", "plain", "thesis")
 MAX_BYTES = 1_000_000
@@ -164,18 +150,6 @@ def _blame(draft: Draft, found: Contradiction) -> Place | None:
     part = draft.sections[found.part] if found.stage is None else draft.pipeline[found.stage]
     given = part.given.get(found.field)
     return given.place if given else part.place
-
-
-def to_dict(parameters: Parameters) -> dict[str, Any]:
-    """Return the parameters as JSON can hold them: lengths as numbers or ``N cells``."""
-    top = {name: json_value(getattr(parameters, name)) for name in fields_of(Parameters)}
-    sections = {name: _plain(getattr(parameters, name)) for name in SECTIONS}
-    stages = [{stage.name: _plain(stage)} for stage in parameters.pipeline]
-    return {**top, **sections, "pipeline": stages}
-
-
-def _plain(part: object) -> dict[str, Any]:
-    return {name: json_value(getattr(part, name)) for name in fields_of(type(part))}
 
 
 def to_yaml(parameters: Parameters) -> str:

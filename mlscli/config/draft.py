@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from mlscli.config.schema import fields_of
 from mlscli.config.yaml_nodes import (
     Key,
     ListNode,
@@ -23,12 +22,9 @@ from mlscli.config.yaml_nodes import (
     UnreadableYaml,
     describe,
     read_yaml,
-    shorten,
 )
-from mlscli.errors import nearest
-
-# Stands for a value at fault. It compares with nothing, so that no conclusion is drawn from it.
-UNKNOWN: Any = object()
+from mlscli.errors import nearest, shorten
+from mlscli.parameters.fields import UNKNOWN, fields_of
 
 
 class Given(NamedTuple):

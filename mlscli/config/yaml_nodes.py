@@ -14,6 +14,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
+from mlscli.errors import shorten
+from mlscli.parameters.fields import describe_value
+
 MAX_DEPTH = 20
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -98,22 +101,6 @@ def describe(node: Node) -> str:
     if isinstance(node, MapNode):
         return "keys with values"
     return describe_value(node.value) if isinstance(node, ScalarNode) else "a refused value"
-
-
-def describe_value(value: object) -> str:
-    """Say in a few words what a single value is, in one line however long it is."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return shorten(repr(value))
-    return shorten(str(value))
-
-
-def shorten(text: str, width: int = 60) -> str:
-    """Cut a text that is too long for a message."""
-    return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
 def read_yaml(

@@ -1,1 +1,1 @@
-"""Files and messages: what recordings are read from, and what maps are written to."""
+"""Files and messages: what recordings are read from, and what is written."""

@@ -17,13 +17,13 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from mlscli.errors import InputError, UsageError
+from mlscli.maps.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
 from mlscli.mesh.colours import COLOURS, ROUTE_GREEN, ColourBy, Paint
 from mlscli.mesh.ground import route_on_ground
 from mlscli.mesh.orientation import oriented
 from mlscli.mesh.triangulation import NONE, Nodes, links, nodes_of, surface_triangles
 from mlscli.mesh.walls import walls_of
-from mlscli.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
-from mlscli.typing import Float64, Int32, Int64, UInt8
+from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
 Style: TypeAlias = Literal["surface", "patches"]
 STYLES: tuple[Style, ...] = get_args(Style)

@@ -19,8 +19,8 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from mlscli.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
-from mlscli.typing import Float64, Int32, Int64, UInt8
+from mlscli.maps.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
+from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
 ColourBy: TypeAlias = Literal["height", "origin", "variance", "count", "region", "time"]
 COLOURS: tuple[ColourBy, ...] = get_args(ColourBy)

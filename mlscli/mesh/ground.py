@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.cells import cell_indices, on_grid
-from mlscli.kernels import kernel
-from mlscli.neighbours import is_at, sought
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64, Int32, Int64
+from mlscli.maps.cells import cell_indices, on_grid
+from mlscli.maps.neighbours import is_at, sought
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.kernels import kernel
 
 # Where nothing was mapped beneath the craft itself, the ground is sought this many cells around.
 SEARCH_CELLS = 3

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import inner, kernel
-from mlscli.typing import Bool, Int64
+from mlscli.runtime.arrays import Bool, Int64
+from mlscli.runtime.kernels import inner, kernel
 
 
 class _Edges(NamedTuple):

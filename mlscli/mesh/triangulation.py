@@ -26,10 +26,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import inner, kernel
-from mlscli.neighbours import shifted
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool, Float64, Int64
+from mlscli.maps.neighbours import shifted
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Bool, Float64, Int64
+from mlscli.runtime.kernels import inner, kernel
 
 NONE = -1
 EAST, NORTH, WEST, SOUTH = range(4)

@@ -18,11 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import inner, kernel
+from mlscli.maps.neighbours import shifted
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.triangulation import NONE, Nodes
-from mlscli.neighbours import shifted
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool, Float64, Int64
+from mlscli.runtime.arrays import Bool, Float64, Int64
+from mlscli.runtime.kernels import inner, kernel
 
 ACROSS_EDGES = ((1, 0), (0, 1))
 ACROSS_CORNERS = ((1, 1), (1, -1))

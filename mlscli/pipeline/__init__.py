@@ -1,1 +1,1 @@
-"""The stages, and the builder that runs them: points and maps, nothing of files."""
+"""The map as a function of the points: the stages, evaluated where they are asked for."""

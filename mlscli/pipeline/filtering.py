@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.cells import CellSet, key_of
-from mlscli.kernels import inner, kernel
-from mlscli.keyframes import Points
-from mlscli.pipeline.ordering import cells_of
+from mlscli.keyframes.batches import Points
+from mlscli.maps.cells import CellSet, key_of
+from mlscli.maps.rows import merged
+from mlscli.maps.tiled_rows import Tiles
 from mlscli.pipeline.pipeline import Pipeline
-from mlscli.pipeline.stage import PointStage
-from mlscli.pipeline.tiles import Tiles
-from mlscli.rows import merged
-from mlscli.typing import Bool, Float64, Int32, UInt64
+from mlscli.pipeline.stages.ordering import cells_of
+from mlscli.pipeline.stages.stage import PointStage
+from mlscli.runtime.arrays import Bool, Float64, Int32, UInt64
+from mlscli.runtime.kernels import inner, kernel
 
 # The words of a row: the packed cell, the point as the stage reads it, the height that it gives it
 # (NaN: it drops it), and the square of how far it looked (in x and y; inf: it has not yet looked).

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.kernels import kernel
-from mlscli.keyframes import Points
-from mlscli.patches import upright
-from mlscli.pipeline.ordering import cells_of, order_by_cell
-from mlscli.surface_map import MEASURED, SurfaceMap, new_columns
-from mlscli.threads import LIGHT, in_ranges
-from mlscli.typing import Array, Float64, Int32, Int64, UInt32
+from mlscli.keyframes.batches import Points
+from mlscli.maps.patches import upright
+from mlscli.maps.surface_map import MEASURED, SurfaceMap, new_columns
+from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
+from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt32
+from mlscli.runtime.kernels import kernel
+from mlscli.runtime.threads import LIGHT, in_ranges
 
 
 def group(points: Points, cell_size: float, gap_size: float, thickness: float) -> SurfaceMap:

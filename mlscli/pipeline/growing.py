@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from mlscli.cells import CellSet
-from mlscli.keyframes import Points
-from mlscli.merging import with_measured
-from mlscli.pipeline.change import Change
+from mlscli.keyframes.batches import Points
+from mlscli.maps.cells import CellSet
+from mlscli.maps.change import Change
+from mlscli.maps.merging import with_measured
+from mlscli.maps.records import records_of
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.maps.tiled_map import TiledMap
 from mlscli.pipeline.filtering import FilteredPoints, kept
 from mlscli.pipeline.pipeline import Pipeline
-from mlscli.pipeline.tiled_map import TiledMap
-from mlscli.records import records_of
-from mlscli.surface_map import SurfaceMap
 
 
 class GrowingMap(Protocol):

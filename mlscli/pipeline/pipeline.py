@@ -11,16 +11,16 @@ from copy import copy
 from dataclasses import replace
 from itertools import takewhile
 
-from mlscli.config import Parameters
 from mlscli.errors import UsageError
-from mlscli.keyframes import Points
-from mlscli.parameters import in_units
-from mlscli.pipeline.change import points_in
+from mlscli.keyframes.batches import Points
+from mlscli.maps.change import points_in
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.parameters.lengths import in_units
 from mlscli.pipeline.grouping import group
+from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.report import Report
-from mlscli.pipeline.stage import Evaluated, MapStage, PointStage
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool
+from mlscli.pipeline.stages.stage import Evaluated, MapStage, PointStage
+from mlscli.runtime.arrays import Bool
 
 # What is being done, how much of it is done, and how much there is (None: not known).
 Progress = Callable[[str, int, int | None], None]

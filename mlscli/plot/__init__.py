@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from mlscli.errors import UsageError
-from mlscli.io.atomic import atomic_write, refuse_existing
+from mlscli.io.writing.atomic import atomic_write, refuse_existing
 from mlscli.plot.above import plot_above
 from mlscli.plot.differences import plot_differences
 from mlscli.plot.section import plot_section

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mlscli.errors import UsageError
+from mlscli.maps.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
 from mlscli.mesh.colours import (
     ARTIFICIAL_RED,
     ROUTE_GREEN,
@@ -17,8 +18,7 @@ from mlscli.mesh.colours import (
     origin_colours,
 )
 from mlscli.plot.relief import Frame, frame_of, picture, shown_patches
-from mlscli.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
-from mlscli.typing import Float64, Int64
+from mlscli.runtime.arrays import Float64, Int64
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.ndimage import binary_dilation, find_objects, label
 
+from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.mesh.colours import ColourBy, Paint
 from mlscli.plot.above import INK, add_colourbar, draw_above, new_figure, size_of
 from mlscli.plot.relief import Frame, frame_of, shown_patches
+from mlscli.runtime.arrays import Bool
 from mlscli.scoring.comparison import matches, require_same_cells
-from mlscli.surface_map import ARTIFICIAL, SurfaceMap
-from mlscli.typing import Bool
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import UsageError
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.colours import Paint
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool, Float64, Int64, UInt8
+from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8
 
 # Pixels along the longer side, at most.
 MAX_SIDE = 2000

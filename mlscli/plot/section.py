@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mlscli.cells import on_grid, pack
 from mlscli.errors import UsageError
+from mlscli.maps.cells import on_grid, pack
+from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, ColourBy, Paint
 from mlscli.plot.above import INK, add_colourbar, as_colour, new_figure, route_of
-from mlscli.surface_map import ARTIFICIAL, SurfaceMap
-from mlscli.typing import Float64, Int64
+from mlscli.runtime.arrays import Float64, Int64
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlscli.errors import UsageError
-from mlscli.keyframes import Keyframe
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.runtime.arrays import Float64, Int32
 from mlscli.scenes.noise import Chances, Noise, displace, scatter_outliers
 from mlscli.scenes.route import Poses, fly_route
 from mlscli.scenes.sampling import Samples, outside_holes, sample
 from mlscli.scenes.surfaces import Scene
-from mlscli.typing import Float64, Int32
 
 BEGIN = 1_700_000_000.0
 INTERVAL = 0.5

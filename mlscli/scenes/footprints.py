@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import inner, kernel
+from mlscli.runtime.arrays import Array, Bool, Float64, Int64
+from mlscli.runtime.kernels import inner, kernel
 from mlscli.scenes.surfaces import Surface, edges
-from mlscli.typing import Array, Bool, Float64, Int64
 
 
 class Footprints(NamedTuple):

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from mlscli.errors import UsageError
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.surfaces import Scatter
-from mlscli.typing import Float64
 
 SALT_PEPPER_FACTOR = 5.0
 """How much wider the displacement in z of a point of salt and pepper is (thesis, section 5.2)."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlscli.errors import UsageError
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.surfaces import Leg, Scene
-from mlscli.typing import Float64
 
 # In heights of the survey over the top of the scene.
 LANE, STEP = 1.5, 0.5

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlscli.errors import UsageError
+from mlscli.runtime.arrays import Bool, Float64, Int32
 from mlscli.scenes.surfaces import Rectangle, Scene, Surface
-from mlscli.typing import Bool, Float64, Int32
 
 MAX_POINTS = 200_000_000
 

@@ -24,17 +24,9 @@ from mlscli.config.yaml_nodes import (
     UnreadableYaml,
     describe,
     read_yaml,
-    shorten,
 )
-from mlscli.errors import ConfigError, InputError, nearest
-from mlscli.scenes.surfaces import (
-    Leg,
-    Rectangle,
-    Scatter,
-    Scene,
-    add_horizontal,
-    add_vertical,
-)
+from mlscli.errors import ConfigError, InputError, nearest, shorten
+from mlscli.scenes.surfaces import Leg, Rectangle, Scatter, Scene, add_horizontal, add_vertical
 
 MAX_BYTES = 50_000_000
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.typing import Float64
+from mlscli.runtime.arrays import Float64
 
 Vector = tuple[float, float, float]
 

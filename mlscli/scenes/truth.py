@@ -19,15 +19,15 @@ from typing import Any
 
 import numpy as np
 
-import mlscli
-from mlscli.cells import pack, unpack
 from mlscli.errors import InputError, UsageError
-from mlscli.kernels import kernel
-from mlscli.patches import linked, runs, upright
+from mlscli.maps.cells import pack, unpack
+from mlscli.maps.patches import linked, runs, upright
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Float64, Int64, UInt64
+from mlscli.runtime.kernels import kernel
 from mlscli.scenes.footprints import Footprints, cells_spanned, footprints
 from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64, Int64, UInt64
+from mlscli.version import __version__
 
 MAX_CELLS = 50_000_000
 # Half, but for rounding: a wall in the middle of a cell that ends there counts.
@@ -94,7 +94,7 @@ def truth(
         frame_id=frame_id,
         route=np.full((1, 4), np.nan),
         meta={
-            "program": f"mls {mlscli.__version__}",
+            "program": f"mls {__version__}",
             "sources": [scene.name],
             "scene": scene_to_json(scene),
         },

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import inner, kernel
+from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.threads import in_ranges
 from mlscli.scenes.surfaces import Scene, edges
-from mlscli.threads import in_ranges
-from mlscli.typing import Float64, Int32, Int64
 
 # A ray ends this share of its length before the point: where surfaces meet, none hides the seam.
 _SHORT = 1e-7

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.cells import pack
 from mlscli.errors import UsageError
+from mlscli.maps.cells import pack
+from mlscli.maps.surface_map import ORIGINS, SurfaceMap
+from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 from mlscli.scoring.kernels import match
-from mlscli.surface_map import ORIGINS, SurfaceMap
-from mlscli.typing import Array, Bool, Float64, Int64
 
 # Matched patches of two origins: they belong to neither.
 CHANGED = "changed"

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import inner, kernel
-from mlscli.neighbours import onward
-from mlscli.patches import distance
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Bool, Float64, Int32, Int64
+from mlscli.maps.neighbours import onward
+from mlscli.maps.patches import distance
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
+from mlscli.runtime.kernels import inner, kernel
 
 
 class Patches(NamedTuple):

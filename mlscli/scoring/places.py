@@ -17,11 +17,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.kernels import kernel
-from mlscli.patches import distance, runs
+from mlscli.maps.patches import distance, runs
+from mlscli.maps.surface_map import ARTIFICIAL, ORIGINS, PLASTERED
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, UInt8
+from mlscli.runtime.kernels import kernel
 from mlscli.scoring.kernels import Patches, nearby
-from mlscli.surface_map import ARTIFICIAL, ORIGINS, PLASTERED
-from mlscli.typing import Bool, Float64, Int32, Int64, UInt8
 
 PLACES = ("under_deck", "in_window", "in_hole", "off_level", "elsewhere")
 _UNDER_DECK, _IN_WINDOW, _IN_HOLE, _OFF_LEVEL, _ELSEWHERE = range(len(PLACES))

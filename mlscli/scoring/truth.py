@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from mlscli.maps.surface_map import MEASURED, ORIGINS, SurfaceMap
+from mlscli.runtime.arrays import Bool, Float64, Int64
 from mlscli.scoring.comparison import require_same_cells, root_mean_square
 from mlscli.scoring.kernels import Patches, covered, nearby, nearest
 from mlscli.scoring.places import count_by_place
-from mlscli.surface_map import MEASURED, ORIGINS, SurfaceMap
-from mlscli.typing import Bool, Float64, Int64
 
 # How many cells beside a true surface a correct patch may lie.
 SIDEWAYS = 1

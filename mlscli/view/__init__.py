@@ -1,1 +1,1 @@
-"""Maps to look at: a page for the browser, and a window on a desktop."""
+"""Maps to look at: a page for the browser, a window on a desktop, a replay of the flight."""

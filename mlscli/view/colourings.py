@@ -6,16 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.mesh.colours import (
-    ARTIFICIAL_RED,
-    COLOURS,
-    PALE,
-    ColourBy,
-    Paint,
-    origin_colours,
-)
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import UInt8
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.mesh.colours import ARTIFICIAL_RED, COLOURS, PALE, ColourBy, Paint, origin_colours
+from mlscli.runtime.arrays import UInt8
 
 Colour = tuple[int, int, int]
 

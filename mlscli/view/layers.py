@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.cells import cell_indices, on_grid, pack
-from mlscli.growth import appearing, patch_places
+from mlscli.maps.cells import cell_indices, on_grid, pack
+from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
+from mlscli.maps.uncovering import appearing, patch_places
 from mlscli.mesh import ROUTE, Mesh, build_mesh
 from mlscli.mesh.colours import height_colours, height_range, patch_colours
-from mlscli.surface_map import ARTIFICIAL, SurfaceMap
-from mlscli.typing import Float64, Int32, Int64, UInt8
+from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
 # An upright triangle has hardly any area seen from above.
 UPRIGHT = 1e-6

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from mlscli.errors import OutputError
-from mlscli.io.atomic import atomic_write
+from mlscli.io.writing.atomic import atomic_write
+from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, height_scale
-from mlscli.surface_map import ORIGINS, SurfaceMap
-from mlscli.typing import Array, Float64
+from mlscli.runtime.arrays import Array, Float64
 from mlscli.view.colourings import colourings
 from mlscli.view.layers import Picture, picture
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from mlscli.errors import OutputError
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import build_mesh
-from mlscli.surface_map import SurfaceMap
 
 WIDTH, HEIGHT = 1200, 800
 

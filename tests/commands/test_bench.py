@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from mlscli.config import load
-from mlscli.pace import measured, parse_sizes
-from tests.program import mls
+from mlscli.trials.pace import measured, parse_sizes
+from tests.helpers.program import mls
 
 QUICK = ("--scenes", "planes", "--outliers", "0.1")
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from mlscli.io.mapfile import read_map
-from tests.bags import Sent, write_bag
-from tests.program import mls
+from mlscli.io.writing.npz import read_map
+from tests.helpers.bags import Sent, write_bag
+from tests.helpers.program import mls
 
 FLAT = [
     (0.1 * x + 0.05, 0.1 * y + 0.05, 0.01 * ((x + y) % 2)) for x in range(20) for y in range(20)

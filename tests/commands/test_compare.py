@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from mlscli.io.mapfile import read_map, write_map
+from mlscli.io.writing.npz import read_map, write_map
 from mlscli.scenes.surfaces import Scene, add_horizontal
 from mlscli.scenes.truth import truth
 from mlscli.scoring import compare_maps, score
-from tests.maps import CELL, GAP, Patch, map_of
-from tests.program import mls
+from tests.helpers.maps import CELL, GAP, Patch, map_of
+from tests.helpers.program import mls
 
 FLOOR = [Patch(x, y, 0.0, 0.0, 0, 3) for x in range(4) for y in range(3)]
 DECK = [Patch(x, 1, 2.0, 0.0, 2, 0) for x in range(4)]

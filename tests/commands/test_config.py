@@ -15,7 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from mlscli.config import load, loads, preset_text, to_dict
+from mlscli.config import load, loads, preset_text
+from mlscli.pipeline.parameters import to_dict
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.bags import Sent, write_bag
-from tests.program import mls
+from tests.helpers.bags import Sent, write_bag
+from tests.helpers.program import mls
 
 FLOOR = np.array([(0.1 * x, 0.1 * y, 0.01 * ((x + y) % 2)) for x in range(20) for y in range(20)])
 

@@ -16,10 +16,10 @@ from mcap.reader import make_reader
 
 from mlscli.commands.export import command
 from mlscli.errors import InputError, OutputError, UsageError
-from mlscli.io.mapfile import write_map
-from mlscli.io.ply import write_ply
+from mlscli.io.writing.npz import write_map
+from mlscli.io.writing.ply import write_ply
 from mlscli.mesh import build_mesh
-from tests.meshes import house
+from tests.helpers.meshes import house
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mlscli.io.mapfile import write_map
-from tests.bags import Sent, write_bag
-from tests.maps import Patch, map_of
-from tests.program import mls
+from mlscli.io.writing.npz import write_map
+from tests.helpers.bags import Sent, write_bag
+from tests.helpers.maps import Patch, map_of
+from tests.helpers.program import mls
 
 BRIDGE = [Patch(x, 0, 0.0, 0.0, 0, 4) for x in range(4)] + [
     Patch(1, 0, 3.0, 0.5, 0, 4),

@@ -14,10 +14,10 @@ from click.testing import CliRunner, Result
 
 from mlscli.commands.plot import command
 from mlscli.errors import OutputError, UsageError
-from mlscli.io.mapfile import write_map
+from mlscli.io.writing.npz import write_map
 from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN
-from tests.meshes import house
-from tests.program import mls
+from tests.helpers.meshes import house
+from tests.helpers.program import mls
 
 
 @pytest.fixture

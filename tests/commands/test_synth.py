@@ -16,12 +16,12 @@ from click.testing import CliRunner, Result
 import mlscli
 from mlscli.commands.synth import command
 from mlscli.errors import ConfigError, InputError, MlsError, OutputError, UsageError
-from mlscli.io.mapfile import read_map
-from mlscli.keyframes import gather
+from mlscli.io.writing.npz import read_map
+from mlscli.keyframes.batches import gather
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.presets import PRESETS, make
 from mlscli.scenes.truth import truth
-from mlscli.typing import Float64
-from tests.program import mls
+from tests.helpers.program import mls
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -18,9 +18,9 @@ from click.testing import CliRunner, Result
 
 from mlscli.commands.view import command
 from mlscli.errors import OutputError, UsageError
-from mlscli.io.mapfile import write_map
-from tests.meshes import house
-from tests.program import mls
+from mlscli.io.writing.npz import write_map
+from tests.helpers.meshes import house
+from tests.helpers.program import mls
 
 
 @pytest.fixture
@@ -94,7 +94,7 @@ def test_points_are_read_as_those_of_the_map_were(folder: Path) -> None:
     assert "27 points" in view("map.npz", "--points", "cloud.txt", "--html", "a.html").stdout
 
     from mlscli.commands.view import _points
-    from mlscli.io.mapfile import read_map
+    from mlscli.io.writing.npz import read_map
 
     assert (_points(read_map("map.npz"), ("cloud.txt",))[:, 2] == 5).all()
 
@@ -141,7 +141,7 @@ def test_without_open3d_the_window_is_refused(monkeypatch: pytest.MonkeyPatch) -
 def test_a_window_is_given_the_whole_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     from mlscli.mesh import build_mesh
     from mlscli.view import window
-    from tests.meshes import open3d
+    from tests.helpers.meshes import open3d
 
     package = open3d()
     shown: list[Any] = []

@@ -17,29 +17,19 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mlscli.config import (
-    PRESETS,
-    BatchParameters,
-    MapParameters,
-    Parameters,
-    Vehicle,
-    load,
-    loads,
-    preset_text,
-    to_dict,
-    to_yaml,
-)
-from mlscli.config.schema import fields_of
+from mlscli.config import PRESETS, load, loads, preset_text, to_yaml
 from mlscli.errors import ConfigError, InputError
-from mlscli.parameters import Cells
-from mlscli.pipeline.median import Median
-from mlscli.pipeline.orphans import Orphans
-from mlscli.pipeline.plaster import Plaster
-from mlscli.pipeline.pyramids import Pyramids
-from mlscli.pipeline.regions import Regions
-from mlscli.pipeline.registry import STAGES
-from mlscli.pipeline.stage import PointStage, Stage
-from mlscli.pipeline.walls import Walls
+from mlscli.parameters.fields import fields_of
+from mlscli.parameters.lengths import Cells
+from mlscli.pipeline.parameters import BatchParameters, MapParameters, Parameters, Vehicle, to_dict
+from mlscli.pipeline.stages.median import Median
+from mlscli.pipeline.stages.orphans import Orphans
+from mlscli.pipeline.stages.plaster import Plaster
+from mlscli.pipeline.stages.pyramids import Pyramids
+from mlscli.pipeline.stages.regions import Regions
+from mlscli.pipeline.stages.registry import STAGES
+from mlscli.pipeline.stages.stage import PointStage, Stage
+from mlscli.pipeline.stages.walls import Walls
 
 
 def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -> None:

@@ -14,8 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlscli.config import Parameters, loads, to_yaml
-from tests.faults import faults_of, only_fault_of
+from mlscli.config import loads, to_yaml
+from mlscli.pipeline.parameters import Parameters
+from tests.helpers.faults import faults_of, only_fault_of
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from mlscli.config import loads, to_yaml
 from mlscli.errors import ConfigError
-from mlscli.parameters import Cells
-from tests.faults import faults_of, only_fault_of
+from mlscli.parameters.lengths import Cells
+from tests.helpers.faults import faults_of, only_fault_of
 
 
 @pytest.mark.parametrize(

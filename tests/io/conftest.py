@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.texts import text
+from tests.helpers.texts import text
 
 
 @pytest.fixture

@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 
 from mlscli.mesh import Mesh, build_mesh
+from mlscli.runtime.arrays import Bool, Float64
 from mlscli.scenes.presets import make
 from mlscli.scenes.surfaces import Scene, Surface
 from mlscli.scenes.truth import truth
-from mlscli.typing import Bool, Float64
-from tests.meshes import areas
+from tests.helpers.meshes import areas
 
 CELL, FINE = 0.15, 4
 HALF = CELL / 2

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.colours import (
     ARTIFICIAL_RED,
     COLOURS,
@@ -28,10 +29,9 @@ from mlscli.mesh.colours import (
     region_colours,
     scale_of,
 )
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import UInt8
-from tests.maps import Patch, map_of
-from tests.meshes import a_map
+from mlscli.runtime.arrays import UInt8
+from tests.helpers.maps import Patch, map_of
+from tests.helpers.meshes import a_map
 
 # Published pairs of sRGB and Oklab.
 KNOWN = {

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.ground import SEARCH_CELLS, route_on_ground
-from mlscli.surface_map import SurfaceMap
-from tests.meshes import a_map, plane
+from tests.helpers.meshes import a_map, plane
 
 LEVELS = a_map(*plane(4, 4), *plane(4, 4, height=3.0), *plane(4, 4, height=6.0), cell_size=0.5)
 

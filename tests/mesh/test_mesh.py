@@ -16,12 +16,12 @@ import pytest
 
 from mlscli import mesh as mesh_module
 from mlscli.errors import InputError, UsageError
+from mlscli.maps.surface_map import ARTIFICIAL, MEASURED, SurfaceMap
 from mlscli.mesh import GROUPS, ROUTE, ROUTE_LIFT, STYLES, Mesh, Style, build_mesh
 from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN
-from mlscli.surface_map import ARTIFICIAL, MEASURED, SurfaceMap
-from mlscli.typing import Float64
-from tests.maps import Patch, map_of, patches_of, random_map, symmetries, turned_map
-from tests.meshes import a_map, areas, house, plane
+from mlscli.runtime.arrays import Float64
+from tests.helpers.maps import Patch, map_of, patches_of, random_map, symmetries, turned_map
+from tests.helpers.meshes import a_map, areas, house, plane
 
 
 def edges_in_cells(mesh: Mesh, cell_size: float) -> dict[tuple[int, int], set[tuple[float, float]]]:

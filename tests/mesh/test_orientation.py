@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 import mlscli
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import Mesh, build_mesh
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import fly
 from mlscli.scenes.presets import make
 from mlscli.scenes.truth import truth
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
-from tests.maps import symmetries, turned_map
-from tests.meshes import Column, a_map, shared_edges, shared_edges_of
+from tests.helpers.maps import symmetries, turned_map
+from tests.helpers.meshes import Column, a_map, shared_edges, shared_edges_of
 
 TRUE_SCENES = ("bridge-walls", "planes-walls", "house", "village-thesis", "house-storeys", "stair")
 

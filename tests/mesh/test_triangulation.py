@@ -13,10 +13,10 @@ from operator import add
 import numpy as np
 import pytest
 
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.triangulation import links, nodes_of, surface_triangles
-from mlscli.surface_map import SurfaceMap
-from tests.maps import random_map
-from tests.meshes import a_map, plane
+from tests.helpers.maps import random_map
+from tests.helpers.meshes import a_map, plane
 
 # A node: the cell, then what orders the nodes of a cell.
 Node = tuple[int, int, float, bool, int]

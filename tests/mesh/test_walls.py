@@ -11,12 +11,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.triangulation import nodes_of
 from mlscli.mesh.walls import walls_of
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Array
-from tests.maps import random_map
-from tests.meshes import Column, a_map, plane
+from mlscli.runtime.arrays import Array
+from tests.helpers.maps import random_map
+from tests.helpers.meshes import Column, a_map, plane
 
 
 class Walls:

@@ -14,13 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlscli.config import loads
-from mlscli.keyframes import Points
+from mlscli.keyframes.batches import Points
 from mlscli.pipeline.filtering import FilteredPoints, kept
-from mlscli.pipeline.median import Median
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
-from mlscli.typing import Bool, Float64
-from tests.maps import CELL, random_points
+from mlscli.pipeline.stages.median import Median
+from mlscli.runtime.arrays import Bool, Float64
+from tests.helpers.maps import CELL, random_points
 
 seeds = st.integers(0, 2**32 - 1)
 MEDIANS = st.sampled_from(

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from mlscli.errors import UsageError
-from mlscli.keyframes import Points
+from mlscli.keyframes.batches import Points
+from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.pipeline.grouping import group
-from mlscli.surface_map import COLUMNS, SurfaceMap
-from mlscli.typing import Bool
-from tests import references
-from tests.maps import (
+from mlscli.runtime.arrays import Bool
+from tests.helpers import references
+from tests.helpers.maps import (
     CELL,
     GAP,
     KEYFRAMES,

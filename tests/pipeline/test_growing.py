@@ -17,17 +17,19 @@ import pytest
 from hypothesis import strategies as st
 
 import mlscli
-from mlscli.cells import cell_indices
-from mlscli.config import Parameters, loads
-from mlscli.keyframes import Keyframe, Points, gather
-from mlscli.parameters import in_units
-from mlscli.pipeline import tilewise
-from mlscli.pipeline.builder import MapBuilder
+from mlscli.building.builder import MapBuilder
+from mlscli.config import loads
+from mlscli.keyframes.batches import Points, gather
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.cells import cell_indices
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.parameters.lengths import in_units
 from mlscli.pipeline.grouping import group
-from mlscli.pipeline.median import Median
-from mlscli.pipeline.stage import MapStage, PointStage
-from mlscli.surface_map import SurfaceMap
-from tests.maps import CELL, random_points
+from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.stages.median import Median
+from mlscli.pipeline.stages.stage import MapStage, PointStage
+from mlscli.pipeline.tilewise import tiles as tilewise
+from tests.helpers.maps import CELL, random_points
 
 SIZES = "map: {cell_size: 0.5, gap_size: 0.75, thickness: 0.25}\n"
 MEDIAN = "  - median: {nb_radius: 0.8, max_nb: 6, min_nb: 2, recentre: 0.3}\n"

@@ -18,25 +18,26 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlscli.cells import CellSet
-from mlscli.config import Parameters
-from mlscli.keyframes import Keyframe, Points
-from mlscli.pipeline.builder import MapBuilder
-from mlscli.pipeline.change import Change
+from mlscli.building.builder import MapBuilder
+from mlscli.keyframes.batches import Points
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.cells import CellSet
+from mlscli.maps.change import Change
+from mlscli.maps.records import records_of
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
-from mlscli.pipeline.median import Median
-from mlscli.pipeline.orphans import Orphans
-from mlscli.pipeline.plaster import Plaster
-from mlscli.pipeline.pyramids import Pyramids
-from mlscli.pipeline.stage import MapStage, PointStage, Stage
-from mlscli.pipeline.walls import Walls
-from mlscli.records import records_of
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
-from tests.maps import CELL, GAP, THICKNESS, add_measured, random_map
+from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.stages.median import Median
+from mlscli.pipeline.stages.orphans import Orphans
+from mlscli.pipeline.stages.plaster import Plaster
+from mlscli.pipeline.stages.pyramids import Pyramids
+from mlscli.pipeline.stages.stage import MapStage, PointStage, Stage
+from mlscli.pipeline.stages.walls import Walls
+from mlscli.runtime.arrays import Float64
+from tests.helpers.maps import CELL, GAP, THICKNESS, add_measured, random_map
+from tests.helpers.pipelines import flights, parameters_of, points_at, stage_lists
+from tests.helpers.stages import Onlooker
 from tests.pipeline.test_growing import one_pass, together
-from tests.pipelines import flights, parameters_of, points_at, stage_lists
-from tests.stages import Onlooker
 
 
 @settings(max_examples=60)

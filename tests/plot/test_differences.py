@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from mlscli.errors import UsageError
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.plot.differences import differing, plot_differences, rings
 from mlscli.plot.relief import frame_of
-from mlscli.surface_map import SurfaceMap
-from tests.meshes import a_map, plane
+from tests.helpers.meshes import a_map, plane
 
 FLOOR = a_map(*plane(40, 30), cell_size=0.5)
 

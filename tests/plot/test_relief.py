@@ -9,12 +9,12 @@ from __future__ import annotations
 import pytest
 
 from mlscli.errors import UsageError
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.colours import ARTIFICIAL_RED, Paint
 from mlscli.plot.relief import MAX_SIDE, frame_of, picture, shown_patches
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Array
-from tests.maps import Patch, map_of
-from tests.meshes import a_map, plane
+from mlscli.runtime.arrays import Array
+from tests.helpers.maps import Patch, map_of
+from tests.helpers.meshes import a_map, plane
 
 LEVELS = a_map((3, -2, 0.0, 0.0), (3, -2, 5.0, 0.0), (5, -2, 1.0, 0.0), (3, -1, 2.0, 0.0))
 

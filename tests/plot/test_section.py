@@ -12,7 +12,7 @@ import pytest
 
 from mlscli.errors import UsageError
 from mlscli.plot.section import cut, plot_section
-from tests.meshes import Column, a_map, plane
+from tests.helpers.meshes import Column, a_map, plane
 
 FLOOR = a_map(*plane(6, 4), cell_size=0.5)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.surfaces import Rectangle, Scene, add_horizontal, add_vertical
-from mlscli.typing import Float64
 
 
 def random_scene(rng: np.random.Generator, surfaces: int = 8) -> Scene:

@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import mlscli.threads
+import mlscli.runtime.threads
 from mlscli.errors import UsageError
-from mlscli.keyframes import gather
+from mlscli.keyframes.batches import gather
 from mlscli.pipeline.grouping import group
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import Craft, Flight, fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.parts import floor
@@ -23,7 +24,6 @@ from mlscli.scenes.presets import PRESETS, make
 from mlscli.scenes.route import fly_route, survey
 from mlscli.scenes.surfaces import Leg, Scatter, Scene
 from mlscli.scenes.truth import truth
-from mlscli.typing import Float64
 
 CELL, GAP, THICKNESS = 0.15, 0.5, 0.15
 EXACT = Noise(sigma=Scatter(0.0, 0.0), salt_pepper=0.0)
@@ -162,7 +162,7 @@ def test_a_seed_gives_the_same_flight_whatever_the_threads(monkeypatch: pytest.M
     noise = Noise("slam", outliers=0.05)
     flights = []
     for processors in (1, 2, 3):
-        monkeypatch.setattr(mlscli.threads, "processors", lambda n=processors: n)
+        monkeypatch.setattr(mlscli.runtime.threads, "processors", lambda n=processors: n)
         flights.append(fly(make("gym"), 0.08, noise, holes=(3, 0.8), seed=7))
     assert same(flights[0], flights[1])
     assert same(flights[0], flights[2])

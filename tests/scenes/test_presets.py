@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from mlscli.errors import UsageError
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.scenes.presets import PRESETS, Preset, make, preset
 from mlscli.scenes.surfaces import Scene, edges
 from mlscli.scenes.truth import truth
-from mlscli.surface_map import SurfaceMap
 
 
 def true_map(name: str, add_param: float | None = None) -> SurfaceMap:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.noise import REFERENCE_DISTANCE, Chances, Noise, displace, scatter_outliers
 from mlscli.scenes.parts import floor, wall
 from mlscli.scenes.presets import make
 from mlscli.scenes.sampling import outside_holes, sample
 from mlscli.scenes.surfaces import Scatter, Scene
-from mlscli.typing import Float64
 
 MANY = 40_000
 SIGMA = Scatter(0.02, 0.05)

@@ -11,14 +11,7 @@ import pytest
 
 from mlscli.errors import ConfigError, InputError
 from mlscli.scenes.sceneio import load_scene, parse_scene
-from mlscli.scenes.surfaces import (
-    Leg,
-    Rectangle,
-    Scatter,
-    Scene,
-    add_horizontal,
-    add_vertical,
-)
+from mlscli.scenes.surfaces import Leg, Rectangle, Scatter, Scene, add_horizontal, add_vertical
 
 SHED = """
 surfaces:

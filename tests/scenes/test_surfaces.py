@@ -12,6 +12,7 @@ import math
 import numpy as np
 import pytest
 
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.parts import floor, inset, ramp, wall, walls
 from mlscli.scenes.surfaces import (
     Rectangle,
@@ -24,7 +25,6 @@ from mlscli.scenes.surfaces import (
     scene_from_json,
     scene_to_json,
 )
-from mlscli.typing import Float64
 from tests.scenes.scenes import random_scene
 
 EMPTY = Scene("empty")

@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError, UsageError
-from mlscli.keyframes import Points
+from mlscli.keyframes.batches import Points
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.parts import floor, ramp, wall
 from mlscli.scenes.presets import make
 from mlscli.scenes.surfaces import Scene, add_horizontal
 from mlscli.scenes.truth import truth, truth_from_meta
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Float64
-from tests.maps import symmetries, turned_map
+from tests.helpers.maps import symmetries, turned_map
 from tests.scenes.scenes import cloud, random_scene
 
 CELL, GAP, THICKNESS = 0.25, 0.4, 0.2

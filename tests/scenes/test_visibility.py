@@ -12,13 +12,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-import mlscli.threads
+import mlscli.runtime.threads
+from mlscli.runtime.arrays import Float64, Int32
 from mlscli.scenes.parts import floor, wall
 from mlscli.scenes.presets import make
 from mlscli.scenes.sampling import sample
 from mlscli.scenes.surfaces import Scene, Surface
 from mlscli.scenes.visibility import first_seen
-from mlscli.typing import Float64, Int32
 from tests.scenes.scenes import random_scene
 
 
@@ -126,12 +126,12 @@ def test_where_surfaces_meet_neither_hides_the_seam() -> None:
 def test_threads_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = make("house-storeys")
     samples = sample(scene, 0.08)
-    assert len(samples.xyz) > 2 * mlscli.threads.WORTHWHILE
+    assert len(samples.xyz) > 2 * mlscli.runtime.threads.WORTHWHILE
     cameras = np.random.default_rng(5).uniform((-3, -3, 0), (3, 3, 4), (9, 3))
     directions = np.tile([0.0, 0.0, -1.0], (9, 1))
     found = []
     for processors in (1, 3):
-        monkeypatch.setattr(mlscli.threads, "processors", lambda n=processors: n)
+        monkeypatch.setattr(mlscli.runtime.threads, "processors", lambda n=processors: n)
         found.append(
             first_seen(scene, samples.xyz, samples.surface, cameras, directions, 120.0, 9.0)
         )

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from mlscli.surface_map import SurfaceMap
-from tests.maps import GAP, Patch, map_of, patches_of
-from tests.references import apart
+from mlscli.maps.surface_map import SurfaceMap
+from tests.helpers.maps import GAP, Patch, map_of, patches_of
+from tests.helpers.references import apart
 
 
 def altered(rng: np.random.Generator, surface: SurfaceMap) -> SurfaceMap:

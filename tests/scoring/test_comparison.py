@@ -18,12 +18,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlscli.cells import GREATEST, LEAST
 from mlscli.errors import UsageError
+from mlscli.maps.cells import GREATEST, LEAST
+from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.scoring import Comparison, Differences, Spread, compare_maps
 from mlscli.scoring.comparison import matches, root_mean_square
-from mlscli.surface_map import ORIGINS, SurfaceMap
-from tests.maps import GAP, Patch, map_of, patches_of, random_map, symmetries, turned_map
+from tests.helpers.maps import GAP, Patch, map_of, patches_of, random_map, symmetries, turned_map
 from tests.scoring import references as slow
 
 FLOOR = [Patch(x, y, 0.0, 0.0, 0, 3) for x in range(4) for y in range(3)]

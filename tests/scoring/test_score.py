@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlscli.cells import GREATEST, LEAST
 from mlscli.errors import UsageError
+from mlscli.maps.cells import GREATEST, LEAST
+from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.scoring import HeightErrors, Measures, Score, Share, score
 from mlscli.scoring.places import PLACES
-from mlscli.surface_map import ORIGINS, SurfaceMap
-from tests.maps import CELL, Patch, map_of, patches_of, random_map, symmetries, turned_map
+from tests.helpers.maps import CELL, Patch, map_of, patches_of, random_map, symmetries, turned_map
 from tests.scoring import references as slow
 
 HALF = CELL / 2

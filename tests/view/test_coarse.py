@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from mlscli.typing import Array
-from tests.browser import Browser
+from mlscli.runtime.arrays import Array
+from tests.helpers.browser import Browser
 
 CELL, FEW = 0.5, 50_000
 

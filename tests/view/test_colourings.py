@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import ROUTE, build_mesh
 from mlscli.mesh.colours import COLOURS, ColourBy, height_scale
-from mlscli.surface_map import SurfaceMap
 from mlscli.view.colourings import Colouring, colourings
-from tests.meshes import a_map, house, plane
+from tests.helpers.meshes import a_map, house, plane
 
 
 def line() -> SurfaceMap:

@@ -6,7 +6,7 @@ import json
 from importlib import resources
 from typing import Any
 
-from tests.browser import Browser
+from tests.helpers.browser import Browser
 
 # Each frame with the time since the one before.
 QUICK, SLOW = ("moving", 17), ("moving", 60)

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import build_mesh
-from mlscli.surface_map import SurfaceMap
 from mlscli.view.layers import MOST_POINTS, Layer, Picture, picture
-from tests.maps import Patch, map_of
-from tests.meshes import a_map, house, plane, soup
+from tests.helpers.maps import Patch, map_of
+from tests.helpers.meshes import a_map, house, plane, soup
 
 
 def layers_of(shown: Picture) -> dict[str, Layer]:

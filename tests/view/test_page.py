@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from mlscli.errors import OutputError
-from mlscli.surface_map import SurfaceMap
-from mlscli.typing import Array
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Array
 from mlscli.view.page import write_page
-from tests.browser import Browser
-from tests.maps import Patch, map_of
+from tests.helpers.browser import Browser
+from tests.helpers.maps import Patch, map_of
 
 CELL = 0.5
 WIDE, DECK, FAR = 20, 3.0, 12_000_000

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlscli.io.base import UNKNOWN_ATTITUDE, Cloud
 from mlscli.io.clouds.pointfile import Content
-from mlscli.keyframes import UNKNOWN_POSITION
-from mlscli.typing import Float64, Int64
+from mlscli.io.source import UNKNOWN_ATTITUDE, Cloud
+from mlscli.keyframes.keyframe import UNKNOWN_POSITION
+from mlscli.runtime.arrays import Float64, Int64
 
 
 class Camera(NamedTuple):

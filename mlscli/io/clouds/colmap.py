@@ -17,12 +17,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlscli.errors import InputError
-from mlscli.io.base import Cloud, side_by_side
 from mlscli.io.clouds.cameras import Camera, by_camera
 from mlscli.io.clouds.columns import short
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.records import Field, gather, mapped, read_records
-from mlscli.typing import Float64, Int64, UInt8
+from mlscli.io.source import Cloud, side_by_side
+from mlscli.runtime.arrays import Float64, Int64, UInt8
 
 _COUNT = struct.Struct("<Q")
 _POINT = (

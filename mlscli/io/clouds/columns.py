@@ -12,7 +12,7 @@ from typing import TextIO
 import numpy as np
 
 from mlscli.errors import InputError, UsageError
-from mlscli.typing import Float64
+from mlscli.runtime.arrays import Float64
 
 COLUMNS = ("x", "y", "z", "keyframe", "t", "cx", "cy", "cz")
 

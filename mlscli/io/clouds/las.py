@@ -17,11 +17,11 @@ import laspy
 import numpy as np
 
 from mlscli.errors import InputError, one_line
-from mlscli.io.base import keyframe_field, side_by_side
 from mlscli.io.clouds.laz import check_packing, needs_table, readable_points
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
 from mlscli.io.clouds.records import mapped
-from mlscli.typing import Array, Float64
+from mlscli.io.source import keyframe_field, side_by_side
+from mlscli.runtime.arrays import Array, Float64
 
 # What it has to say is raised too.
 logging.getLogger("laspy").addHandler(logging.NullHandler())

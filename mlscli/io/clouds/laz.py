@@ -11,7 +11,7 @@ from typing import Any
 import lazrs
 import numpy as np
 
-from mlscli.typing import UInt8
+from mlscli.runtime.arrays import UInt8
 
 # The record's last part: the type, size and version of each item that makes up a point.
 _ITEMS = 34

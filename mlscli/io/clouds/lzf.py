@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.kernels import kernel
-from mlscli.typing import UInt8
+from mlscli.runtime.arrays import UInt8
+from mlscli.runtime.kernels import kernel
 
 _MOST_PER_BYTE = 88
 """Three bytes repeat 264 at the most."""

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlscli.errors import InputError
-from mlscli.io.base import Cloud
 from mlscli.io.clouds.cameras import Camera, by_camera
 from mlscli.io.clouds.pointfile import Content, PointFile
+from mlscli.io.source import Cloud
 
 _LEAST_TRACK_COLUMNS = 8
 

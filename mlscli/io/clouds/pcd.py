@@ -22,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.base import side_by_side
 from mlscli.io.clouds.lzf import decompress
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
 from mlscli.io.clouds.records import Field, mapped, read_records
 from mlscli.io.clouds.rows import Item, open_rows
-from mlscli.keyframes import UNKNOWN_POSITION
-from mlscli.typing import Array
+from mlscli.io.source import side_by_side
+from mlscli.keyframes.keyframe import UNKNOWN_POSITION
+from mlscli.runtime.arrays import Array
 
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _DATA = ("ascii", "binary", "binary_compressed")

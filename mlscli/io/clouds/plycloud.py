@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mlscli.errors import InputError
-from mlscli.io.base import side_by_side
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
 from mlscli.io.clouds.records import Field, mapped, read_records
 from mlscli.io.clouds.rows import Item, open_rows
-from mlscli.typing import Array
+from mlscli.io.source import side_by_side
+from mlscli.runtime.arrays import Array
 
 # By the name of 1994 and by the later one, and as numpy writes them.
 _TYPES = {

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.base import (
+from mlscli.io.source import (
     Cloud,
     StampedPoses,
     Topic,
@@ -21,8 +21,8 @@ from mlscli.io.base import (
     keyframe_field,
     rows_by_first_appearance,
 )
-from mlscli.keyframes import UNKNOWN_POSITION
-from mlscli.typing import Array, Float64
+from mlscli.keyframes.keyframe import UNKNOWN_POSITION
+from mlscli.runtime.arrays import Array, Float64
 
 
 class Content(NamedTuple):

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.kernels import kernel
-from mlscli.typing import Array, Int64, UInt8
+from mlscli.runtime.arrays import Array, Int64, UInt8
+from mlscli.runtime.kernels import kernel
 
 _BLOCK = 1 << 16
 

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol, TextIO, TypeVar
 import numpy as np
 
 from mlscli.io.clouds import columns as lines
-from mlscli.typing import Float64
+from mlscli.runtime.arrays import Float64
 
 Item = TypeVar("Item")
 

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.io.base import Cloud, rows_by_first_appearance
 from mlscli.io.clouds import columns as lines
 from mlscli.io.clouds.pointfile import Content, PointFile
 from mlscli.io.clouds.trajectory import is_trajectory
-from mlscli.typing import Array, Bool, Float64
+from mlscli.io.source import Cloud, rows_by_first_appearance
+from mlscli.runtime.arrays import Array, Bool, Float64
 
 
 class TextCloud(PointFile):

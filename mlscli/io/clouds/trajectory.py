@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from mlscli.errors import InputError
+from mlscli.geometry.poses import PoseTrack, identity, in_order, tells_pose, unit
 from mlscli.io.clouds import columns as lines
-from mlscli.poses import PoseTrack, identity, in_order, tells_pose, unit
-from mlscli.typing import Float64
+from mlscli.runtime.arrays import Float64
 
 _COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 _NANOSECONDS = 1e11

@@ -21,9 +21,10 @@ from mlscli.io.containers.compression import ZSTD_MAGIC, decompress_file
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.containers.losses import Losses
 from mlscli.io.containers.mcapfile import McapFile
-from mlscli.io.containers.ros2metadata import FILE_NAME, STORAGE, Metadata
+from mlscli.io.containers.ros2metadata import STORAGE, Metadata
 from mlscli.io.containers.sqlitefile import SqliteFile
 from mlscli.io.containers.streams import in_settled_order, in_time_order, united
+from mlscli.io.ros import METADATA_FILE
 
 Storage: TypeAlias = SqliteFile | McapFile
 
@@ -130,7 +131,7 @@ class Ros2Bag:
             if alike:
                 files.setdefault(plain, there[alike[0]])
             else:
-                self._lose(name, metadata, f"{FILE_NAME} names {name}, which is missing")
+                self._lose(name, metadata, f"{METADATA_FILE} names {name}, which is missing")
         others = {
             plain: path
             for name, path in there.items()
@@ -139,11 +140,13 @@ class Ros2Bag:
         if not metadata.files and len({_NUMBER.sub("", name) for name in others}) > 1:
             raise InputError(
                 f"{self.path}: holds {', '.join(path.name for path in others.values())} and no "
-                f"{FILE_NAME} that makes them one recording; name one of them"
+                f"{METADATA_FILE} that makes them one recording; name one of them"
             )
         if others and metadata.files:
             names = ", ".join(path.name for path in others.values())
-            self.notes.append(f"{self.path}: {FILE_NAME} does not name {names}; read all the same")
+            self.notes.append(
+                f"{self.path}: {METADATA_FILE} does not name {names}; read all the same"
+            )
         return [*files.values(), *others.values()]
 
     def _lose(self, name: str, metadata: Metadata, reason: str) -> None:
@@ -159,7 +162,7 @@ class Ros2Bag:
         count = sum(channel.count or 0 for channel in set(self._channels.values()))
         if metadata.messages is None or metadata.messages == count:
             return
-        told = f"{FILE_NAME} declares {metadata.messages:,} messages, the files hold {count:,}"
+        told = f"{METADATA_FILE} declares {metadata.messages:,} messages, the files hold {count:,}"
         missing = metadata.messages - count - self._found.messages
         if missing > 0:
             self._found.add(told, messages=missing)

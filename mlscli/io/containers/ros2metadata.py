@@ -8,8 +8,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NamedTuple
 
 from mlscli.errors import one_line
-
-FILE_NAME = "metadata.yaml"
+from mlscli.io.ros import METADATA_FILE
 
 STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
 """How the names of files of messages end."""
@@ -44,12 +43,12 @@ class Metadata:
         """Read the metadata of a bag; a note says why there is none, or what cannot be read."""
         import yaml
 
-        path = folder / FILE_NAME
+        path = folder / METADATA_FILE
         try:
             with path.open(encoding="utf-8", errors="replace") as file:
                 content = yaml.safe_load(file.read(_LARGEST))
         except FileNotFoundError:
-            notes.append(f"{folder}: has no {FILE_NAME}; all its .db3 and .mcap files are read")
+            notes.append(f"{folder}: has no {METADATA_FILE}; all its .db3 and .mcap files are read")
             return cls()
         except (OSError, yaml.YAMLError, RecursionError, ValueError) as error:
             notes.append(

@@ -18,7 +18,7 @@ from mlscli.io.containers.container import Channel
 from mlscli.io.containers.losses import DamagedError
 from mlscli.io.containers.messagetypes import ros2_name
 from mlscli.io.containers.sqlitepages import Pages, Row
-from mlscli.typing import Int64
+from mlscli.runtime.arrays import Int64
 
 _BLOCK = 1 << 12
 

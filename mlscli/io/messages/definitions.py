@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from mlscli.io.containers.container import Channel
+from mlscli.io.ros import usual_types
 
 # How the module struct calls the values that messages are made of, beside strings.
 PRIMITIVES = {
@@ -29,10 +30,6 @@ _SEPARATOR = "=" * 80 + "\n"
 
 # The fixed part of the largest message that holds points or poses has some 700 bytes.
 _LARGEST_FIXED_PART = 2**16
-
-# ROS 1 has these in packages that the types of its distribution lack.
-_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
-_BESIDE_ROS1 = {"tf2_msgs/msg/TFMessage": _TRANSFORMS, "tf/msg/tfMessage": _TRANSFORMS}
 
 
 def typestore_of(channel: Channel) -> Typestore:
@@ -50,16 +47,6 @@ def typestore_of(channel: Channel) -> Typestore:
     else:
         store = usual_types(is_ros1=channel.encoding == "ros1")
     smallest_size(channel.type, store.fielddefs)
-    return store
-
-
-def usual_types(*, is_ros1: bool) -> Typestore:
-    """Return the types of the last distribution of ROS 1, or of the latest of ROS 2."""
-    if not is_ros1:
-        return get_typestore(Stores.LATEST)
-    store = get_typestore(Stores.ROS1_NOETIC)
-    for type_, text in _BESIDE_ROS1.items():
-        store.register(get_types_from_msg(text, type_))
     return store
 
 

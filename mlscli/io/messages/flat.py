@@ -24,7 +24,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc, Typesdict
 
 from mlscli.io.messages.definitions import FILLER, PRIMITIVES
-from mlscli.typing import Array
+from mlscli.runtime.arrays import Array
 
 _Order: TypeAlias = Literal["<", ">"]
 # Reads a value that begins at a place in the data, and returns the place behind it as well.

@@ -16,7 +16,7 @@ import numpy as np
 from mlscli.io.messages.laserscan import polar
 from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, placed
 from mlscli.io.messages.pointcloud2 import Field, Packed
-from mlscli.typing import Array, Float64
+from mlscli.runtime.arrays import Array, Float64
 
 # foxglove.NumericType: what its numbers stand for.
 _DATATYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8"}

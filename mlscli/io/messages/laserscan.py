@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.io.messages.parts import Part, part_of
-from mlscli.typing import Float64
+from mlscli.runtime.arrays import Float64
 
 
 def decode_laserscan(message: Any) -> list[Part]:

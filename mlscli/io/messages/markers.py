@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.io.messages.parts import Part, part_of, placed, vectors
-from mlscli.typing import Float64
+from mlscli.runtime.arrays import Float64
 
 # visualization_msgs/Marker: the type of an object and what to do with it.
 _CUBE, _SPHERE, _CUBE_LIST, _SPHERE_LIST, _POINTS = 1, 2, 6, 7, 8

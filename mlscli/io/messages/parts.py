@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 
 from mlscli.errors import one_line
-from mlscli.io.base import rows_by_first_appearance, side_by_side
-from mlscli.poses import Pose, apply
-from mlscli.typing import Array, Float64
+from mlscli.geometry.poses import Pose, apply
+from mlscli.io.source import rows_by_first_appearance, side_by_side
+from mlscli.runtime.arrays import Array, Float64
 
 _NANOSECONDS = 10**9
 

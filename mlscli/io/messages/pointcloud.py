@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from mlscli.io.base import keyframe_field
 from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, vectors
+from mlscli.io.source import keyframe_field
 
 
 def decode_pointcloud(message: Any) -> list[Part]:

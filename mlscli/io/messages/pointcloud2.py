@@ -13,12 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.io.base import keyframe_field, side_by_side
 from mlscli.io.messages.parts import MalformedCloudError, Part, part_of
-from mlscli.typing import Array, Float64
-
-# sensor_msgs/PointField: the number of a datatype and what it stands for.
-DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+from mlscli.io.ros import DATATYPES
+from mlscli.io.source import keyframe_field, side_by_side
+from mlscli.runtime.arrays import Array, Float64
 
 
 class Field(NamedTuple):

@@ -14,10 +14,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mlscli.io.base import StampedPoses
+from mlscli.geometry.poses import tells_pose, unit
+from mlscli.geometry.transforms import bare
 from mlscli.io.messages.parts import checked, seconds
-from mlscli.poses import tells_pose, unit
-from mlscli.transforms import bare
+from mlscli.io.source import StampedPoses
 
 # Parent frame, child frame, time, position, orientation.
 _Row: TypeAlias = tuple[str, str, Any, Any, Any]

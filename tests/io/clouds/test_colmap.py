@@ -19,10 +19,10 @@ import pytest
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.colmap import ColmapModel
-from mlscli.io.formats import open_source
-from mlscli.io.recording import open_recording
-from mlscli.typing import Float64
-from tests.damage import cut, flipped, read_damaged
+from mlscli.io.reading.formats import open_source
+from mlscli.io.reading.recording import open_recording
+from mlscli.runtime.arrays import Float64
+from tests.helpers.damage import cut, flipped, read_damaged
 
 
 class Image(NamedTuple):

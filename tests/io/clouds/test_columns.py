@@ -13,7 +13,7 @@ import pytest
 
 from mlscli.errors import InputError, UsageError
 from mlscli.io.clouds import columns as columns_module
-from tests.texts import clouds_of, one_cloud, read
+from tests.helpers.texts import clouds_of, one_cloud, read
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,8 @@ import pytest
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.las import LasCloud
-from mlscli.typing import Float64
-from tests.damage import cut, flipped, read_damaged
+from mlscli.runtime.arrays import Float64
+from tests.helpers.damage import cut, flipped, read_damaged
 
 OFFSET = (572273.0, 4498560.0, -100.0)
 

@@ -17,10 +17,10 @@ import pytest
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.opensfm import OpenSfmReconstruction
-from mlscli.io.formats import open_source
-from mlscli.io.recording import open_recording
-from mlscli.typing import Float64
-from tests.damage import cut, flipped, read_damaged
+from mlscli.io.reading.formats import open_source
+from mlscli.io.reading.recording import open_recording
+from mlscli.runtime.arrays import Float64
+from tests.helpers.damage import cut, flipped, read_damaged
 
 QUARTER = math.pi / 2
 SHOTS: dict[str, Any] = {

@@ -21,9 +21,9 @@ from hypothesis import strategies as st
 from mlscli.errors import InputError
 from mlscli.io.clouds.lzf import decompress
 from mlscli.io.clouds.pcd import PcdCloud
-from mlscli.typing import Array
-from tests.damage import cut, flipped, read_damaged
-from tests.meshes import open3d
+from mlscli.runtime.arrays import Array
+from tests.helpers.damage import cut, flipped, read_damaged
+from tests.helpers.meshes import open3d
 
 REAL = [
     "hard/pcd_multi_count.pcd",

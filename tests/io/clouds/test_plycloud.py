@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.plycloud import PlyCloud
-from mlscli.io.ply import write_ply
+from mlscli.io.writing.ply import write_ply
 from mlscli.mesh import build_mesh
-from mlscli.typing import Float64
-from tests.damage import cut, flipped, read_damaged
-from tests.meshes import house, open3d
+from mlscli.runtime.arrays import Float64
+from tests.helpers.damage import cut, flipped, read_damaged
+from tests.helpers.meshes import house, open3d
 
 # The names of the format's description, as struct writes them.
 TYPES = {

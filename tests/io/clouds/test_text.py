@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from mlscli.errors import InputError
 from mlscli.io.clouds import columns as columns_module
 from mlscli.io.clouds.text import TextCloud
-from tests.texts import clouds_of, one_cloud, read, text
+from tests.helpers.texts import clouds_of, one_cloud, read, text
 
 TELLO_COLUMNS = "x,y,z,-,-,-,-,keyframe,cx,cy,cz"
 

@@ -14,7 +14,7 @@ import pytest
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.trajectory import Trajectory, is_trajectory, read_trajectory
-from tests.texts import text
+from tests.helpers.texts import text
 
 
 def read(tmp_path: Path, content: str | bytes) -> Trajectory:

@@ -16,7 +16,7 @@ import zstandard
 
 from mlscli.io.containers.compression import decompress, decompress_file, decompress_start, plain
 from mlscli.io.containers.losses import DamagedError
-from tests.broken import allocating_less_than
+from tests.helpers.broken import allocating_less_than
 
 
 def zstd_without_size(data: bytes) -> bytes:

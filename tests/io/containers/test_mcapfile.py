@@ -22,7 +22,7 @@ from mcap.writer import Writer as McapWriter
 from mlscli.io.containers.mcapfile import McapFile
 from mlscli.io.containers.mcaprecords import chunk_by_index
 from mlscli.io.containers.opening import open_container
-from tests.broken import (
+from tests.helpers.broken import (
     SECOND,
     STRING,
     Sent,

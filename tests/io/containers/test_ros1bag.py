@@ -15,7 +15,7 @@ import pytest
 
 from mlscli.io.containers.opening import open_container
 from mlscli.io.containers.ros1bag import Ros1Bag
-from tests.broken import (
+from tests.helpers.broken import (
     SECOND,
     Sent,
     allocating_less_than,

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from mlscli.errors import InputError
 from mlscli.io.containers.opening import open_container
 from mlscli.io.containers.ros2bag import Ros2Bag
-from tests.broken import (
+from tests.helpers.broken import (
     SECOND,
     allocating_less_than,
     by_anyreader,
@@ -25,7 +25,7 @@ from tests.broken import (
     refusal,
     write_mcap,
 )
-from tests.ros2bags import cdr, split, write_bag, write_early
+from tests.helpers.ros2bags import cdr, split, write_bag, write_early
 
 
 @pytest.mark.parametrize("name", ["ros2_jackal_scan_pose", "ros2_tf_example"])

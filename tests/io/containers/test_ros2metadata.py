@@ -15,8 +15,8 @@ import yaml
 import zstandard
 
 from mlscli.io.containers.ros2bag import Ros2Bag
-from tests.broken import content, flight, one_line
-from tests.ros2bags import split
+from tests.helpers.broken import content, flight, one_line
+from tests.helpers.ros2bags import split
 
 
 def edit(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from mlscli.io.containers.opening import open_container
 from mlscli.io.containers.sqlitefile import SqliteFile
-from tests.broken import (
+from tests.helpers.broken import (
     SECOND,
     STRING,
     Sent,
@@ -27,7 +27,7 @@ from tests.broken import (
     one_line,
     read_or_refused,
 )
-from tests.ros2bags import write_early
+from tests.helpers.ros2bags import write_early
 
 
 def test_a_file_of_an_early_version_is_read(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mlscli.io.containers.container import Channel
 from mlscli.io.messages.definitions import smallest_size, typestore_of
-from tests.ros import STORES
+from tests.helpers.ros import STORES
 
 SEPARATOR = "=" * 80 + "\n"
 

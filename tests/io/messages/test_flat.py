@@ -15,7 +15,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mlscli.io.messages.flat import FlatReader
-from tests.ros import ENCODINGS, STORES, random_message, serialized
+from tests.helpers.ros import ENCODINGS, STORES, random_message, serialized
 
 POINT_BY_POINT = [
     "sensor_msgs/msg/PointCloud",

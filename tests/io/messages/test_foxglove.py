@@ -16,8 +16,8 @@ import pytest
 
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.registry import CLOUD_TYPES, MalformedCloudError, Part
-from tests.foxglove import SPELLINGS, message
-from tests.ros import vector
+from tests.helpers.foxglove import SPELLINGS, message
+from tests.helpers.ros import vector
 
 UINT8, INT8, UINT16, INT16, UINT32, INT32, FLOAT32, FLOAT64 = range(1, 9)
 STAMP = {"sec": 1_700_000_000, "nsec": 250_000_000}

@@ -23,8 +23,8 @@ from mlscli.io.containers.container import Message
 from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
 from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
 from mlscli.io.messages.registry import CLOUD_TYPES, MalformedCloudError
-from tests import foxglove
-from tests.ros import ENCODINGS, STORES, random_message, serialized, vector
+from tests.helpers import foxglove
+from tests.helpers.ros import ENCODINGS, STORES, random_message, serialized, vector
 
 DECODERS: dict[str, Any] = {**CLOUD_TYPES, **POSE_TYPES, **TRANSFORM_TYPES}
 OF_ROS = [type_ for type_ in DECODERS if "/" in type_]

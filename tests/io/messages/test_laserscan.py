@@ -14,7 +14,7 @@ import pytest
 
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.registry import CLOUD_TYPES, Part
-from tests.ros import ENCODINGS, header, serialized
+from tests.helpers.ros import ENCODINGS, header, serialized
 
 SCAN = "sensor_msgs/msg/LaserScan"
 

@@ -14,7 +14,7 @@ import pytest
 
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.registry import CLOUD_TYPES, Part
-from tests.ros import ENCODINGS, header, serialized, vector
+from tests.helpers.ros import ENCODINGS, header, serialized, vector
 
 MARKER, ARRAY = "visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray"
 ARROW, CUBE, SPHERE, CYLINDER, LINE_STRIP, LINE_LIST = range(6)

@@ -14,7 +14,7 @@ import pytest
 
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.registry import CLOUD_TYPES, MalformedCloudError, Part
-from tests.ros import ENCODINGS, STORES, header, serialized, vector
+from tests.helpers.ros import ENCODINGS, STORES, header, serialized, vector
 
 POINT_CLOUD = "sensor_msgs/msg/PointCloud"
 POSE_ARRAY = "geometry_msgs/msg/PoseArray"

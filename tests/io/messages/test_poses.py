@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlscli.io.base import StampedPoses
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
 from mlscli.io.messages.registry import MalformedCloudError
-from tests import foxglove
-from tests.ros import ENCODINGS, header, serialized, vector
+from mlscli.io.source import StampedPoses
+from tests.helpers import foxglove
+from tests.helpers.ros import ENCODINGS, header, serialized, vector
 
 ODOMETRY, PATH = "nav_msgs/msg/Odometry", "nav_msgs/msg/Path"
 STAMPED = "geometry_msgs/msg/TransformStamped"

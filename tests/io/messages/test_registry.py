@@ -14,11 +14,11 @@ import numpy as np
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from mlscli.io.base import StampedPoses
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
 from mlscli.io.messages.registry import CLOUD_TYPES, Part
+from mlscli.io.source import StampedPoses
 
 
 def of_bag(path: Path, type_: str) -> Iterator[Message]:

@@ -1,0 +1,160 @@
+"""From a recording to its map: the keyframes are read, the size of cells found, a builder fed."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mlscli.building.builder import Follower, MapBuilder, check_workers
+from mlscli.building.cell_size import auto_cell_size
+from mlscli.errors import InputError
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.pipeline import Progress
+from mlscli.pipeline.report import Report
+from mlscli.pipeline.tilewise.cluster import Cluster
+from mlscli.pipeline.tilewise.connection import connected
+
+if TYPE_CHECKING:
+    from mlscli.io.reading.recording import Recording
+
+
+class Build(NamedTuple):
+    """A map and the account of how it was made."""
+
+    surface: SurfaceMap
+    report: Report
+
+
+def build(
+    recording: Recording,
+    parameters: Parameters | None = None,
+    progress: Progress | None = None,
+    follow: Follower | None = None,
+    jobs: int | None = None,
+    scheduler: str | Cluster | None = None,
+) -> Build:
+    """Build the map of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        From `mlscli.open_recording`.
+    parameters : Parameters, optional
+        The defaults where none are given.
+    progress : callable, optional
+        Called with what is being done, how much is done, and how much there is, or None.
+    follow : callable, optional
+        Called after every batch with the `Change` that it made, as for `MapBuilder`.
+    jobs : int, optional
+        Evaluate the map in tiles, in so many threads; it is the same.
+    scheduler : str or Cluster, optional
+        Hand the tiles to the Dask cluster whose scheduler has this address, or to one of Dask's
+        own: ``local``. The map is the same.
+
+    Returns
+    -------
+    Build
+        The map, and the account of how it was made.
+
+    Raises
+    ------
+    MlsError
+        Where the recording cannot be read, the parameters do not go together, or nothing is left.
+    """
+    parameters = Parameters() if parameters is None else parameters
+    followed = "" if follow is None else "follow"
+    check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, followed)
+    if isinstance(scheduler, str):
+        # Whether it answers shows before anything is read.
+        with connected(scheduler) as cluster:
+            return build(recording, parameters, progress, follow, jobs, cluster)
+    reading = Report()
+    held: Iterator[Keyframe] | None = None
+    if parameters.map.cell_size == "auto":
+        # The size comes from the whole recording, before the first batch.
+        keyframes = deque(read(recording, reading, progress))
+        parameters = parameters.with_cell_size(_cell_size_of(keyframes, reading, progress))
+        # Let go as they are taken.
+        held = (keyframes.popleft() for _ in range(len(keyframes)))
+    builder = MapBuilder(
+        parameters,
+        recording.frame_id,
+        sources=recording.sources,
+        reading=recording.options,
+        progress=progress,
+        follow=follow,
+        jobs=jobs,
+        cluster=scheduler,
+    )
+    builder.report.add(reading)
+    feed(builder, recording, progress, held)
+    surface = builder.finish()
+    if not surface.size:
+        raise InputError(emptied(recording, builder.report))
+    return Build(surface, builder.report)
+
+
+def _cell_size_of(
+    keyframes: Collection[Keyframe], report: Report, progress: Progress | None
+) -> float:
+    """Find the size of cells for all points; the time that takes goes to the report."""
+    xyz = np.concatenate([keyframe.points for keyframe in keyframes])
+    with report.timed("cell size"):
+        return auto_cell_size(
+            xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
+        )
+
+
+def feed(
+    builder: MapBuilder,
+    recording: Recording,
+    progress: Progress | None = None,
+    held: Iterable[Keyframe] | None = None,
+) -> None:
+    """Give a builder the keyframes of a recording, unless they are held already."""
+    for keyframe in read(recording, builder.report, progress) if held is None else held:
+        builder.add(keyframe)
+    # The recording has dropped points, too, which the builder never saw.
+    builder.report.points_read = recording.tally.points_read
+    builder.report.dropped.update(recording.tally.dropped)
+
+
+def read(recording: Recording, report: Report, progress: Progress | None) -> Iterator[Keyframe]:
+    """Read the keyframes of a recording; the time that takes goes to the report."""
+    keyframes = recording.keyframes()
+    done = 0
+    while True:
+        with report.timed("reading"):
+            keyframe = next(keyframes, None)
+        if keyframe is None:
+            return
+        done += 1
+        if progress is not None:
+            progress("reading", done, recording.expected_keyframes)
+        yield keyframe
+
+
+def emptied(recording: Recording, report: Report) -> str:
+    """Say why a recording that holds points gives a map without patches."""
+    reasons = ", ".join(f"{count:,} ({reason})" for reason, count in report.dropped.items())
+    return (
+        f"{', '.join(recording.sources)}: no point is left to map: of {report.points_read:,} read, "
+        f"dropped were {reasons}; look at map.cell_size and the stages' parameters"
+    )
+
+
+def build_map(
+    recording: Recording,
+    parameters: Parameters | None = None,
+    progress: Progress | None = None,
+    follow: Follower | None = None,
+    jobs: int | None = None,
+    scheduler: str | Cluster | None = None,
+) -> SurfaceMap:
+    """Build the map of a recording; as `build`, without the account."""
+    return build(recording, parameters, progress, follow, jobs, scheduler).surface

@@ -1,0 +1,284 @@
+"""From keyframes to a map: batches, the two modes, and an account of every point.
+
+Whether the map is brought up to date after every batch or once in the end makes no difference to
+a consistent map; a sequential one, the thesis's (section 4.1, steps 1 to 7), is made of its
+batches.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mlscli.errors import UsageError
+from mlscli.keyframes.batches import Points, gather
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.cells import on_grid
+from mlscli.maps.change import Change, points_in
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
+from mlscli.pipeline.parameters import Parameters, to_dict
+from mlscli.pipeline.pipeline import Pipeline, Progress
+from mlscli.pipeline.report import Report
+from mlscli.pipeline.tilewise.cluster import Cluster
+from mlscli.pipeline.tilewise.tiles import Threads, Workers, tiled
+from mlscli.runtime.arrays import Float64
+from mlscli.version import __version__
+
+Follower = Callable[[Change], None]
+
+BEYOND_GRID = "cell index beyond int32"
+
+
+class MapBuilder:
+    """A map that grows with the keyframes it is given.
+
+    In the consistent mode it is brought up to date when someone looks: after every batch where
+    there is a follower, after `process_cloud`, when `surface` is read, and in the end. What it
+    says does not depend on when.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        With a number for `cell_size`: it must be settled before the first batch.
+    frame_id : str
+        Name of the map frame.
+    sources : sequence of str
+        What the map's meta names as its sources.
+    reading : mapping, optional
+        What it says of how they were read.
+    progress : callable, optional
+        As for `build`.
+    follow : callable, optional
+        Called after every batch with the `Change` that it made: patches removed, patches added,
+        and the keyframes that the route gained.
+        `finish` makes no more changes that it tells, only what the stages do that need the whole
+        map.
+    jobs : int, optional
+        Evaluate the map in tiles, in so many threads, where it is made in one pass in the end.
+    cluster : Cluster, optional
+        Hand the tiles to this cluster instead.
+
+    Raises
+    ------
+    UsageError
+        Where `cell_size` is ``auto``; where `jobs` or `cluster` would have nothing to do; where
+        points are given once the map is finished.
+
+    Examples
+    --------
+    >>>     >>> builder = mlscli.MapBuilder(mlscli.Parameters().with_cell_size(0.2))
+    >>> change = builder.process_cloud([[0.1, 0.1, 1.0], [0.1, 0.1, 1.1]])
+    >>> surface = builder.finish()
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        frame_id: str = "map",
+        *,
+        sources: Sequence[str] = (),
+        reading: Mapping[str, Any] | None = None,
+        progress: Progress | None = None,
+        follow: Follower | None = None,
+        jobs: int | None = None,
+        cluster: Cluster | None = None,
+    ) -> None:
+        followed = "" if follow is None else "follow"
+        check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
+        self.parameters = parameters
+        self.report = Report()
+        self._sources = list(sources)
+        self._reading = dict(reading or {})
+        self._progress = progress
+        self._follow = follow
+        self._workers: Workers | None = cluster or (None if jobs is None else Threads(jobs))
+        self._pipeline = Pipeline(parameters, frame_id, self.report)
+        self._waiting: list[Keyframe] = []
+        self._waiting_points = 0
+        self._keyframes = 0
+        self._routes: list[Float64] = [self._pipeline.empty.route]
+        self._routes_told = 0
+        self._batches: list[Points] = []
+        self._growing: GrowingMap | None = None
+        self._finished: SurfaceMap | None = None
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Take a keyframe; a batch is processed once it has `batch.min_points` points."""
+        self._wait(keyframe)
+        if self._waiting_points >= self.parameters.batch.min_points:
+            self._process_waiting()
+
+    def process_cloud(self, points: Float64) -> Change:
+        """Take points (N, 3) as one keyframe and, with those that wait, as a batch.
+
+        Returns
+        -------
+        Change
+            What came and went since the map was last brought up to date.
+        """
+        cloud = np.asarray(points, dtype=np.float64).reshape(-1, 3) + 0.0
+        finite = np.isfinite(cloud)
+        if not finite.all():
+            rows = finite.all(axis=1)
+            self.report.points_read += int(np.count_nonzero(~rows))
+            self.report.drop("not finite", int(np.count_nonzero(~rows)))
+            cloud = cloud[rows]
+        self._wait(Keyframe(cloud))
+        self._gather()
+        return self._grow()
+
+    @property
+    def surface(self) -> SurfaceMap:
+        """The map of the batches so far, without what is done only in the end.
+
+        Keyframes that wait for more points are not in it. Once the map is finished, it is that.
+        """
+        if self._finished is not None:
+            return self._finished
+        return self._described(self._up_to_date())
+
+    def finish(self) -> SurfaceMap:
+        """Process what waits, run the stages that need the whole map, and return the map.
+
+        It takes no more points then, for it may have let go of those that it had.
+        """
+        if self._finished is None:
+            if self._waiting:
+                self._process_waiting()
+            surface = self._at_once() if self._growing is None else self._up_to_date()
+            self._finished = self._described(self._pipeline.finished(surface, self._progress))
+        return self._finished
+
+    def _wait(self, keyframe: Keyframe) -> None:
+        if self._finished is not None:
+            raise UsageError("the map is finished and takes no more points; make a new MapBuilder")
+        self._waiting.append(keyframe)
+        self._waiting_points += len(keyframe.points)
+        self.report.points_read += len(keyframe.points)
+
+    def _process_waiting(self) -> None:
+        self._gather()
+        if self._follow is not None or self.parameters.mode == "sequential":
+            self._grow()
+
+    def _gather(self) -> None:
+        """Make a batch of the keyframes that wait."""
+        batch = gather(self._waiting, self._keyframes)
+        self._keyframes += len(self._waiting)
+        self._waiting, self._waiting_points = [], 0
+        self._routes.append(batch.route)
+        self.report.batches += 1
+        inside = on_grid(batch.points.xyz, self._pipeline.cell_size)
+        points = batch.points
+        if not inside.all():
+            self.report.drop(BEYOND_GRID, int(np.count_nonzero(~inside)))
+            points = points.take(inside)
+        self._batches.append(points)
+
+    def _grow(self) -> Change:
+        """Bring the map up to date with the batches that it has not seen."""
+        growing = self._growing_map()
+        begin = time.perf_counter()
+        change = growing.grow(self._unseen())
+        slowest = self.report.slowest_batch or 0.0
+        self.report.slowest_batch = max(slowest, time.perf_counter() - begin)
+        change = replace(change, route=np.concatenate(self._routes[self._routes_told :]))
+        self._routes_told = len(self._routes)
+        if self._follow is not None:
+            self._follow(change)
+        return change
+
+    def _at_once(self) -> SurfaceMap:
+        """Return the map that one pass makes of all points, by those who are to make it."""
+        pipeline, progress = self._pipeline, self._progress
+        if self._workers is not None:
+            return tiled(pipeline, self._unseen(), self._workers, progress)
+        # Nothing here keeps the points: they are let go as soon as they are filtered.
+        return pipeline.mapped(pipeline.measured(self._unseen(), progress), progress)
+
+    def _seed(self) -> GrowingMap:
+        """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
+        kind = SequentialMap if self.parameters.mode == "sequential" else ConsistentMap
+        trial = Pipeline(self.parameters, self._pipeline.empty.frame_id, Report())
+        # Two points: a column of one is laid out otherwise, for which kernels would be made anew.
+        kind(trial).grow(gather([Keyframe(np.zeros((2, 3)))]).points)
+        return kind(self._pipeline)
+
+    def _up_to_date(self) -> SurfaceMap:
+        if self._batches:
+            self._grow()
+        return self._growing_map().whole()
+
+    def _growing_map(self) -> GrowingMap:
+        if self._growing is None:
+            self._growing = self._seed()
+        return self._growing
+
+    def _unseen(self) -> Points:
+        """Return the points of the batches that the map has not seen, which are so no more."""
+        if len(self._batches) == 1:
+            return self._batches.pop()
+        size = sum(batch.size for batch in self._batches)
+        points = Points(np.empty((size, 3)), np.empty(size, dtype=np.int32))
+        while self._batches:
+            # From behind, each let go when it is copied: no more is held twice.
+            batch = self._batches.pop()
+            points.xyz[size - batch.size : size] = batch.xyz
+            points.keyframe[size - batch.size : size] = batch.keyframe
+            size -= batch.size
+        return points
+
+    def _described(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return the map with the route, and with what its meta says of it."""
+        meta = self._meta(points_in(surface))
+        return replace(surface, route=np.concatenate(self._routes), meta=meta)
+
+    def _meta(self, kept: int) -> dict[str, Any]:
+        return {
+            "program": f"mls {__version__}",
+            "sources": self._sources,
+            "reading": self._reading,
+            "parameters": to_dict(self.parameters),
+            "points": {
+                "read": self.report.points_read,
+                "dropped": dict(sorted(self.report.dropped.items())),
+                "kept": kept,
+            },
+            "keyframes": self._keyframes,
+            "batches": self.report.batches,
+        }
+
+
+def check_workers(parameters: Parameters, workers: Mapping[str, object], followed: str) -> None:
+    """Refuse workers who would have nothing to do: others do it, or the map grows batch by batch.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    workers : mapping
+        By what the user calls them, of which only one can do the work; None: not asked for.
+    followed : str
+        What the user calls that for which the map grows; empty: nothing.
+
+    Raises
+    ------
+    UsageError
+    """
+    names = [name for name, asked_for in workers.items() if asked_for is not None]
+    for name in names:
+        if parameters.mode == "sequential":
+            raise UsageError(
+                f"{name}: a sequential map is made batch by batch; set mode=consistent"
+            )
+        if followed:
+            raise UsageError(f"{name}: does not go with {followed}; leave one of them out")
+    if len(names) > 1:
+        raise UsageError(
+            f"{names[0]}: does not go with {names[1]}, whose workers have threads of their own; "
+            "leave one of them out"
+        )

@@ -1,0 +1,262 @@
+"""Maps of clouds that are larger than memory.
+
+The keyframes are read once, and their points sorted into blocks of cells on disk, as many at a
+time as memory holds. Then the map is evaluated tile by tile, the tiles put on disk too, and in the
+end put together in the file's order, strip by strip.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mlscli.building.build import emptied, feed
+from mlscli.building.builder import MapBuilder, check_workers
+from mlscli.errors import InputError, UsageError
+from mlscli.maps.change import points_in
+from mlscli.maps.patches import runs
+from mlscli.maps.records import records_of, surface_of
+from mlscli.maps.stored_map import StoredMap
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.pipeline import Progress
+from mlscli.pipeline.report import Report
+from mlscli.pipeline.tilewise.blocks import PointBlocks
+from mlscli.pipeline.tilewise.connection import connected, refuse_local
+from mlscli.pipeline.tilewise.tiles import (
+    COMFORTABLE,
+    Threads,
+    Tile,
+    Workers,
+    in_tiles,
+    joined,
+    tiles_of,
+)
+from mlscli.runtime.arrays import Array, Int32, Int64
+from mlscli.runtime.scratch import Scratch, Stored
+from mlscli.runtime.threads import processors
+
+if TYPE_CHECKING:
+    from mlscli.io.reading.recording import Recording
+
+# Bytes of memory that it takes at most to sort a point, to know where the points of a block lie, to
+# put a patch in order, and to run the stages that need the whole map on a patch.
+SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
+
+# Bytes with which work can be done at all, besides those of the program itself.
+LEAST = 32 * 2**20
+
+
+class LargeBuild(NamedTuple):
+    """A map on disk and the account of how it was made."""
+
+    surface: StoredMap
+    report: Report
+
+
+@contextmanager
+def build_large(
+    recording: Recording,
+    parameters: Parameters,
+    memory: int,
+    *,
+    scratch: str | os.PathLike[str] | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Iterator[LargeBuild]:
+    """Build the map of a recording within so much memory; it lasts as long as the context.
+
+    Parameters
+    ----------
+    recording : Recording
+    parameters : Parameters
+        With a number for `cell_size`, in the consistent mode.
+    memory : int
+        Bytes that the program may take, what it has taken before and the messages that are being
+        read among them.
+    scratch : path, optional
+        The folder for what does not fit; the system's place where none is given.
+    jobs : int, optional
+        Threads; as many as there are processors where nothing is said.
+    scheduler : str, optional
+        Hand the tiles to the Dask cluster whose scheduler has this address; what its workers take
+        is not counted.
+    progress : callable, optional
+        As for `build`.
+
+    Raises
+    ------
+    UsageError
+        The parameters do not go with it, or the memory is too little.
+    OutputError
+        The disk is full.
+    InputError
+        As for `build`.
+    """
+    refuse_local(scheduler)
+    if parameters.map.cell_size == "auto":
+        raise UsageError(
+            "--memory: needs a number for map.cell_size; auto looks at the whole recording at once"
+        )
+    if parameters.mode == "sequential":
+        raise UsageError(
+            "--memory: a sequential map is made batch by batch, in memory; set mode=consistent"
+        )
+    check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, "")
+    with ExitStack() as stack:
+        workers: Workers = Threads(jobs or processors())
+        if scheduler is not None:
+            workers = stack.enter_context(connected(scheduler))
+        disk = stack.enter_context(Scratch(scratch))
+        builder = _LargeMapBuilder(recording, parameters, memory, disk, workers, progress)
+        feed(builder, recording, progress)
+        surface = builder.finish_on_disk()
+        if not surface.size:
+            raise InputError(emptied(recording, builder.report))
+        yield LargeBuild(surface, builder.report)
+
+
+class _LargeMapBuilder(MapBuilder):
+    """Keeps the points and the map on disk; it ends with `finish_on_disk`, not `finish`."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        parameters: Parameters,
+        memory: int,
+        disk: Scratch,
+        workers: Workers,
+        progress: Progress | None = None,
+    ) -> None:
+        super().__init__(
+            parameters,
+            recording.frame_id,
+            sources=recording.sources,
+            reading=recording.options,
+            progress=progress,
+        )
+        self._disk = disk
+        self._evaluators = workers
+        self._blocks = PointBlocks(self._pipeline.cell_size, disk.put)
+        self._held = 0
+        # What the program takes by itself, its kernels loaded, is no room for points.
+        self._seed()
+        self._room = memory - resident()
+        if self._room < LEAST:
+            raise too_little(memory, memory - self._room + LEAST)
+        self._memory = memory
+
+    def _process_waiting(self) -> None:
+        self._gather()
+        self._held += self._batches[-1].size
+        if self._held * SORTED > self._left // 2:
+            self._put_away()
+
+    def _put_away(self) -> None:
+        self._held = 0
+        with self.report.timed("sorting"):
+            self._blocks.add(self._unseen())
+        if self._left < LEAST:
+            least = self._memory - self._left + LEAST
+            what = f"the points lie in {self._blocks.entries:,} blocks, which have to be listed"
+            raise too_little(self._memory, least, what)
+
+    @property
+    def _left(self) -> int:
+        """Bytes that there is room for besides the list of where points lie."""
+        return self._room - self._blocks.entries * INDEXED
+
+    def finish_on_disk(self) -> StoredMap:
+        """Process what waits, and return the map of all points."""
+        if self._waiting:
+            self._process_waiting()
+        self._put_away()
+        tiles = self._tiles()
+        pipeline = self._pipeline
+        parts = [
+            _PatchesByX.of(surface, self._disk)
+            for surface in in_tiles(pipeline, self._blocks, tiles, self._evaluators, self._progress)
+        ]
+        strips = _strips(parts, pipeline.empty, self._room // 2 // ORDERED)
+        if pipeline.final_stages:
+            patches = sum(int(part.start[-1]) for part in parts)
+            if patches * FINISHED > self._room:
+                least = self._memory - self._room + patches * FINISHED
+                what = f"{pipeline.final_stages[0].name} needs the whole map, {patches:,} patches"
+                raise too_little(self._memory, least, what)
+            strips = iter([pipeline.finished(joined(pipeline.empty, list(strips)), self._progress)])
+        surface = StoredMap(pipeline.empty, [])
+        kept = 0
+        with self.report.timed("writing"):
+            for strip in strips:
+                surface.put(strip, self._disk)
+                kept += points_in(strip)
+        head = replace(pipeline.empty, route=np.concatenate(self._routes), meta=self._meta(kept))
+        return replace(surface, head=head)
+
+    def _tiles(self) -> list[Tile]:
+        most = self._left // self._evaluators.memory_per_point
+        tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE))
+        crowd = max(tile.points for tile in tiles)
+        if crowd > most:
+            least = self._memory - self._left + crowd * self._evaluators.memory_per_point
+            what = (
+                f"{2**self._blocks.shift} cells square and their surroundings hold {crowd:,} points"
+            )
+            raise too_little(self._memory, least, what)
+        return tiles
+
+
+class _PatchesByX(NamedTuple):
+    """The patches of a tile on disk, in the file's order, and where those of each ix begin."""
+
+    ix: Int32
+    start: Int64
+    patches: Stored
+
+    @classmethod
+    def of(cls, surface: SurfaceMap, disk: Scratch) -> _PatchesByX:
+        start = runs(surface.ix)
+        return cls(surface.ix[start[:-1]], start, disk.put(records_of(surface)))
+
+    def between(self, first: int, last: int) -> Array:
+        """Return the patches with first <= ix < last."""
+        begin, end = (int(self.start[at]) for at in np.searchsorted(self.ix, (first, last)))
+        return self.patches[begin:end]
+
+
+def _strips(parts: list[_PatchesByX], empty: SurfaceMap, most: int) -> Iterator[SurfaceMap]:
+    """Yield the map in strips along y, of about so many patches at most, in the file's order."""
+    ix, places = np.unique(np.concatenate([part.ix for part in parts]), return_inverse=True)
+    sizes = np.zeros(len(ix), dtype=np.int64)
+    np.add.at(sizes, places, np.concatenate([np.diff(part.start) for part in parts]))
+    strip = np.cumsum(sizes) // max(most, 1)
+    for first, last in pairwise([*ix[runs(strip)[:-1]].tolist(), 2**31]):
+        records = [part.between(first, last) for part in parts]
+        yield joined(empty, [surface_of(part, empty) for part in records if len(part)])
+
+
+def too_little(memory: int, least: int, why: str = "") -> UsageError:
+    """Return the error that says how much memory it takes."""
+    needed = -(-least // 2**20)
+    because = f": {why}" if why else ""
+    return UsageError(
+        f"--memory: {memory // 2**20}M is too little{because}; give at least {needed}M"
+    )
+
+
+def resident() -> int:
+    """Return how many bytes of memory the program takes now; a guess where nothing tells."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 300 * 2**20
+    return pages * os.sysconf("SC_PAGE_SIZE")

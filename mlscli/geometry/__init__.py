@@ -1,0 +1,1 @@
+"""Poses and transforms between frames, and which way is up."""

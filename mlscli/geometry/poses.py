@@ -1,0 +1,222 @@
+"""Poses: where a frame stands in another; chained, inverted, interpolated, applied to points.
+
+T_target_source takes coordinates in the frame `source` to coordinates in the frame `target`:
+T_map_base and T_base_lidar chain to T_map_lidar. Rotations are unit quaternions x y z w.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.runtime.arrays import Bool, Float64, Int64
+
+
+class Pose(NamedTuple):
+    """A rigid transform: first the rotation, then the translation.
+
+    Attributes
+    ----------
+    translation : float64 (3,)
+    rotation : float64 (4,)
+    """
+
+    translation: Float64
+    rotation: Float64
+
+
+class Poses(NamedTuple):
+    """Poses at several times.
+
+    Attributes
+    ----------
+    translation : float64 (M, 3)
+        NaN where not known.
+    rotation : float64 (M, 4)
+        NaN where not known.
+    known : bool (M,)
+    """
+
+    translation: Float64
+    rotation: Float64
+    known: Bool
+
+    @property
+    def inverse(self) -> Poses:
+        """T_source_target of each T_target_source."""
+        rotation = self.rotation * (-1.0, -1.0, -1.0, 1.0)
+        return Poses(-_rotated(rotation, self.translation), rotation, self.known)
+
+    def chained(self, other: Poses) -> Poses:
+        """Return T_a_c of these T_a_b and the others' T_b_c; a single one goes with many."""
+        return Poses(
+            self.translation + _rotated(self.rotation, other.translation),
+            _product(self.rotation, other.rotation),
+            self.known & other.known,
+        )
+
+    def pose(self, row: int) -> Pose:
+        """Return one of them."""
+        return Pose(self.translation[row], self.rotation[row])
+
+
+def identity(count: int) -> Poses:
+    """Return T_a_a at so many times."""
+    rotation = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
+    return Poses(np.zeros((count, 3)), rotation, np.ones(count, dtype=np.bool_))
+
+
+def unknown(count: int) -> Poses:
+    """Return poses of which nothing is known."""
+    none = np.zeros(count, dtype=np.bool_)
+    return Poses(np.full((count, 3), np.nan), np.full((count, 4), np.nan), none)
+
+
+def tells_pose(stamps: Float64, translations: Float64, rotations: Float64) -> Bool:
+    """Tell which rows (N,) are poses: all is finite, and the quaternion has a length."""
+    # One too long to be told is none.
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(rotations, axis=1)
+    told = np.isfinite(stamps) & np.isfinite(translations).all(axis=1)
+    return np.asarray(told & np.isfinite(lengths) & (lengths > 0))
+
+
+def in_order(stamps: Float64, rows: Int64) -> Int64:
+    """Return rows in the order of their time stamps; of equal ones the last."""
+    rows = rows[np.argsort(stamps[rows], kind="stable")]
+    return rows[np.diff(stamps[rows], append=np.inf) > 0]
+
+
+def unit(rotations: Float64) -> Float64:
+    """Return quaternions (N, 4) of length 1."""
+    return np.asarray(rotations / np.linalg.norm(rotations, axis=1, keepdims=True))
+
+
+def apply(T_target_source: Pose, points: Float64) -> Float64:  # noqa: N803
+    """Move points (N, 3) from the frame `source` into the frame `target`.
+
+    The identity leaves every bit as it is.
+    """
+    from scipy.spatial.transform import Rotation
+
+    translation, rotation = T_target_source
+    if rotation[:3].any():
+        points = turn(Rotation.from_quat(rotation).as_matrix(), points)
+    return points + translation if translation.any() else points
+
+
+def turn(matrix: Float64, points: Float64) -> Float64:
+    """Multiply points (N, 3) by a matrix (3, 3).
+
+    The three products of a row are added in order, so that the sums are the same with any number
+    of threads.
+    """
+    x, y, z = points.T
+    # What is not finite may spoil the other coordinates of its point, which is dropped later.
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.stack([(a * x + b * y) + c * z for a, b, c in matrix.tolist()], axis=1)
+
+
+class PoseTrack:
+    """Poses over time: linear between them for translations, slerp for rotations.
+
+    Before the first and after the last pose that one holds for half a period, which is half the
+    median spacing of the time stamps; beyond, nothing is known. A single pose has no period and
+    is known at its own time stamp only. Gaps within are bridged, however wide: the time stamps of
+    keyframes keep no beat.
+
+    Parameters
+    ----------
+    stamps : float64 (N,)
+        In any order. Of equal ones the last counts.
+    translations : float64 (N, 3)
+    rotations : float64 (N, 4)
+        Quaternions x y z w of any length but 0; q and -q are the same.
+    series : int64 (N,), optional
+        From a pose of one series to one of another there is no way between: the earlier holds
+        until the later.
+
+    Attributes
+    ----------
+    stamps : float64
+        Those of the poses that `tells_pose` accepts, ascending.
+    """
+
+    def __init__(
+        self,
+        stamps: Float64,
+        translations: Float64,
+        rotations: Float64,
+        series: Int64 | None = None,
+    ) -> None:
+        rows = in_order(stamps, np.flatnonzero(tells_pose(stamps, translations, rotations)))
+        self.stamps = stamps[rows]
+        self._translations = translations[rows]
+        self._rotations = unit(rotations[rows])
+        self._series = np.zeros(len(rows), dtype=np.int64) if series is None else series[rows]
+        slack = float(np.median(np.diff(self.stamps))) / 2 if len(rows) > 1 else 0.0
+        self._span = (self.stamps[0] - slack, self.stamps[-1] + slack) if len(rows) else (1, 0)
+
+    def at(self, stamps: Float64) -> Poses:
+        """Return the pose at each of these times (M,); at NaN none is known."""
+        if not len(self.stamps):
+            return unknown(len(stamps))
+        low, high, share = self._between(stamps)
+        known = (stamps >= self._span[0]) & (stamps <= self._span[1])
+        share = np.where(known, share, np.nan)[:, np.newaxis]
+        translation = (1 - share) * self._translations[low] + share * self._translations[high]
+        return Poses(translation, _slerp(self._rotations[low], self._rotations[high], share), known)
+
+    def series_at(self, stamps: Float64) -> Int64:
+        """Return the series of the pose that counts at each of these times, known or not."""
+        low, high, share = self._between(stamps)
+        return np.where(share == 1, self._series[high], self._series[low])
+
+    def _between(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
+        """Return the poses on both sides of each time, and its share of the way from the first."""
+        last = len(self.stamps) - 1
+        low = np.clip(np.searchsorted(self.stamps, stamps, side="right") - 1, 0, max(0, last - 1))
+        high = np.minimum(low + 1, last)
+        step = np.where(high > low, self.stamps[high] - self.stamps[low], 1.0)
+        share = np.clip((stamps - self.stamps[low]) / step, 0.0, 1.0)
+        return low, high, np.where(self._series[low] == self._series[high], share, share == 1)
+
+
+def _slerp(begin: Float64, end: Float64, share: Float64) -> Float64:
+    """Turn from one rotation towards the other, the short way, at a constant rate."""
+    end = np.where(_dot(begin, end) < 0, -end, end)
+    difference, total = end - begin, end + begin
+    angle = 2 * np.arctan2(np.sqrt(_dot(difference, difference)), np.sqrt(_dot(total, total)))
+    sine = np.sin(angle)
+    same = sine == 0
+    sine = np.where(same, 1.0, sine)
+    rest = np.where(same, 1 - share, np.sin((1 - share) * angle) / sine)
+    return rest * begin + np.where(same, share, np.sin(share * angle) / sine) * end
+
+
+def _dot(a: Float64, b: Float64) -> Float64:
+    return np.asarray(np.einsum("...i,...i->...", a, b))[..., np.newaxis]
+
+
+def _product(a: Float64, b: Float64) -> Float64:
+    """Multiply quaternions."""
+    (u, s), (v, t) = _parts(a), _parts(b)
+    return np.concatenate((s * v + t * u + _cross(u, v), s * t - _dot(u, v)), axis=-1)
+
+
+def _rotated(rotation: Float64, vectors: Float64) -> Float64:
+    """Rotate vectors by unit quaternions."""
+    axis, real = _parts(rotation)
+    across = 2 * _cross(axis, vectors)
+    return vectors + real * across + _cross(axis, across)
+
+
+def _parts(quaternions: Float64) -> tuple[Float64, Float64]:
+    return quaternions[..., :3], quaternions[..., 3:]
+
+
+def _cross(a: Float64, b: Float64) -> Float64:
+    # numpy's own takes five times as long for a single one.
+    after, before = [1, 2, 0], [2, 0, 1]
+    return a[..., after] * b[..., before] - a[..., before] * b[..., after]

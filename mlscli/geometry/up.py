@@ -1,0 +1,97 @@
+"""Which way is up: the axes that can be told, the vertical that was found, and the turn to z."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlscli.runtime.arrays import Float64
+
+# Which axes of a point as recorded, and with which sign, become x, y and z of the map.
+UP_AXES = {
+    "z": ((0, 1, 2), (1.0, 1.0, 1.0)),
+    "-z": ((0, 1, 2), (1.0, -1.0, -1.0)),
+    "y": ((0, 2, 1), (1.0, -1.0, 1.0)),
+    "-y": ((0, 2, 1), (1.0, 1.0, -1.0)),
+    "x": ((2, 1, 0), (-1.0, 1.0, 1.0)),
+    "-x": ((2, 1, 0), (1.0, 1.0, -1.0)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Up:
+    """The vertical of a recording, as found; see `mlscli.geometry.vertical.find_up`.
+
+    Attributes
+    ----------
+    axis : float64 (3,)
+        Upwards, of length 1, in the frame of the recording.
+    level, plumb : float
+        Of the points with flat surroundings, the share for which these are level, and the share
+        for which they are plumb, both within 15 degrees.
+    runner_up : float64 (3,)
+        The best of the directions that are 45 degrees or more away.
+    doubt : float
+        Its score over that of `axis`: from 0 to 0.85.
+    why : str
+        What told upwards from downwards.
+    """
+
+    axis: Float64
+    level: float
+    plumb: float
+    runner_up: Float64
+    doubt: float
+    why: str
+
+    @property
+    def support(self) -> float:
+        """The share of the points with flat surroundings for which they are level or plumb."""
+        return self.level + self.plumb
+
+    @property
+    def matrix(self) -> Float64:
+        """The smallest rotation (3, 3) that turns `axis` to z; for `mlscli.geometry.poses.turn`."""
+        return rotation_to_z(self.axis)
+
+    @property
+    def summary(self) -> str:
+        """What the user should know."""
+        return (
+            f"--up auto: up is {describe(self.axis)}, supported by {self.support:.0%} of the "
+            f"points with flat surroundings ({self.level:.0%} level, {self.plumb:.0%} upright); "
+            f"{self.why}"
+        )
+
+
+def rotation_to_z(axis: Float64) -> Float64:
+    """Return the smallest rotation (3, 3) that turns a direction of length 1 to z.
+
+    Of the axes themselves these are the turns of `UP_AXES`: all entries are 0, 1 or -1. A
+    direction straight down is turned about x.
+    """
+    x, y, z = axis.tolist()
+    across = x * x + y * y
+    if z < 0 and across < 1e-24:
+        return np.diag([1.0, -1.0, -1.0])
+    # The same but for rounding: the first fails near -z, the second near z.
+    k = 1 / (1 + z) if z > 0 else (1 - z) / across
+    return np.array([[1 - k * x * x, -k * x * y, -x], [-k * x * y, 1 - k * y * y, -y], [x, y, z]])
+
+
+def nearest_axis(axis: Float64) -> tuple[str, float]:
+    """Return the name of the axis nearest to a direction, and the degrees between them."""
+    along = {name: signs[2] * float(axis[axes[2]]) for name, (axes, signs) in UP_AXES.items()}
+    name = max(along, key=along.__getitem__)
+    return name, math.degrees(math.acos(min(1.0, along[name])))
+
+
+def describe(axis: Float64) -> str:
+    """Name a direction by its axis, or else by its coordinates and the axis nearest to it."""
+    name, degrees = nearest_axis(axis)
+    if degrees < 0.5:
+        return name
+    x, y, z = (axis.round(2) + 0.0).tolist()
+    return f"({x:.2f}, {y:.2f}, {z:.2f}), {degrees:.0f}° from {name}"

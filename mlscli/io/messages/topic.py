@@ -1,0 +1,294 @@
+"""The clouds of one topic of a container, and what it tells beside them of frames and poses."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlscli.errors import InputError, UsageError
+from mlscli.io.containers.container import Container, Message
+from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
+from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
+from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, MalformedCloudError, Part
+from mlscli.io.source import Clock, Cloud, StampedPoses, Topic, Wanted, everything
+
+_NANOSECONDS = 10**9
+
+
+class TopicSource:
+    """A topic of a container; its clouds are read anew at each pass and never held together.
+
+    Parameters
+    ----------
+    container : Container
+    topic : str, optional
+        The topic of the clouds; not needed where there is only one.
+    clock : {"header", "log"}
+    """
+
+    def __init__(
+        self, container: Container, topic: str | None = None, clock: Clock = "header"
+    ) -> None:
+        self._container = container
+        self._asked = topic
+        self._clock = clock
+        self._deserializer = Deserializer()
+        self._split: set[str] = set()
+        self._unreadable = ""
+        self._lost_beside: dict[str, None] = {}
+        self._refused: Counter[str] = Counter()
+        self._skipped = 0
+        self._topics = self._describe()
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        return self._container.path
+
+    @property
+    def kind(self) -> str:
+        """The name of its format."""
+        return self._container.kind
+
+    @property
+    def label(self) -> str:
+        """The path and the topic."""
+        return f"{self.path}: {self._topic.name}"
+
+    @property
+    def frame_id(self) -> str:
+        """The frame of the first cloud; empty where none is stated."""
+        return self._topic.frame
+
+    @property
+    def expected_keyframes(self) -> int | None:
+        """The messages of the topic; None where they hold several keyframes each."""
+        return None if self._topic.name in self._split else self._topic.count
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the user should know about how it is read."""
+        notes = list(self._container.notes)
+        if self._skipped:
+            notes.append(f"{self.label}: {self._skipped:,} markers of other kinds hold no points")
+        notes += [
+            f"{self.path}: {name}: {count:,} pose{'s' * (count > 1)} left out, not finite or with "
+            "a quaternion of no length"
+            for name, count in self._refused.items()
+        ]
+        return notes
+
+    @property
+    def losses(self) -> Sequence[str]:
+        """What the last pass could not read, and what could not of transforms and poses."""
+        of_clouds = filter(None, [*self._container.losses, self._unreadable])
+        return list(self._lost_beside | dict.fromkeys(of_clouds))
+
+    def topics(self) -> Sequence[Topic]:
+        """Describe all topics, by name."""
+        return self._topics
+
+    def time_span(self) -> tuple[float, float]:
+        """Return when the first and the last message were recorded, in seconds."""
+        span = self._container.time_span
+        if span is None:
+            return math.nan, math.nan
+        return span[0] / _NANOSECONDS, span[1] / _NANOSECONDS
+
+    def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
+        """Read the clouds of the topic in the order of their recording.
+
+        Messages that cannot be read are left out and told in `losses` when the pass ends.
+        """
+        self._unreadable, self._skipped = "", 0
+        came = lost = 0
+        first_fault = ""
+        topic = self._topic
+        try:
+            for message in self._messages((topic.type,), topic.name):
+                came += 1
+                stamp = self._stamp(message)
+                if not math.isnan(stamp) and not wanted(stamp):
+                    continue
+                try:
+                    parts = self._decode(message)
+                except (MalformedMessageError, MalformedCloudError) as error:
+                    lost += 1
+                    first_fault = first_fault or f"the first at {stamp:.9f}: {error}"
+                    continue
+                for part in parts:
+                    self._skipped += part.skipped
+                    time = part.stamp if math.isnan(stamp) else stamp
+                    if math.isnan(stamp) and not wanted(time):
+                        continue
+                    for points in part.split():
+                        yield Cloud(points, time, frame_id=part.frame_id)
+        finally:
+            # Also where a pass is ended before all was read.
+            if lost:
+                self._unreadable = (
+                    f"{self.label}: {lost} of {came} messages cannot be read, {first_fault}"
+                )
+
+    def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
+        """Tell where frames are in others, and whether they stay there.
+
+        Messages that cannot be read tell nothing, and are told in `losses`.
+        """
+        for topic, poses in self._told(TRANSFORM_TYPES):
+            yield poses, topic.rpartition("/")[2] == "tf_static"
+
+    def poses(self, topic: str) -> Iterator[StampedPoses]:
+        """Tell the poses of a topic; none where there is no such topic.
+
+        Raises
+        ------
+        UsageError
+            The topic holds no poses.
+        """
+        named = [c for c in self._container.channels if _same(c.topic, topic)]
+        if named and not any(channel.type in POSE_TYPES for channel in named):
+            raise UsageError(
+                f"{self.path}: --pose-topic {topic}: {named[0].type} tells no poses; can be used: "
+                f"{', '.join(POSE_TYPES)}"
+            )
+        yield from (poses for _, poses in self._told(POSE_TYPES, topic))
+
+    # --- messages ---
+
+    def _messages(self, types: Collection[str], topic: str | None = None) -> Iterator[Message]:
+        """Read the messages of these types, of one topic or of all."""
+        names = {
+            channel.topic
+            for channel in self._container.channels
+            if channel.type in types and (topic is None or _same(channel.topic, topic))
+        }
+        if names:
+            messages = self._container.messages(names)
+            yield from (m for m in messages if m.channel.type in types)
+
+    def _stamp(self, message: Message) -> float:
+        if self._clock == "log":
+            return message.log_time / _NANOSECONDS
+        return self._deserializer.stamp(message)
+
+    def _decode(self, message: Message) -> list[Part]:
+        return CLOUD_TYPES[message.channel.type](self._deserializer.read(message))
+
+    def _told(
+        self,
+        types: Mapping[str, Callable[[Any], list[StampedPoses]]],
+        topic: str | None = None,
+    ) -> Iterator[tuple[str, StampedPoses]]:
+        """Read poses, each with the topic that tells it."""
+        unreadable: Counter[str] = Counter()
+        refused: Counter[str] = Counter()
+        try:
+            for message in self._messages(types, topic):
+                try:
+                    told = types[message.channel.type](self._deserializer.read(message))
+                except (MalformedMessageError, MalformedCloudError):
+                    unreadable[message.channel.topic] += 1
+                    continue
+                for poses in told:
+                    refused[message.channel.topic] += poses.refused
+                    stamps = poses.stamps
+                    if self._clock == "log":
+                        stamps = np.full(len(stamps), message.log_time / _NANOSECONDS)
+                    yield message.channel.topic, poses._replace(stamps=stamps)
+        finally:
+            lost = [
+                f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
+                for name, count in unreadable.items()
+            ]
+            self._refused |= +refused
+            self._lost_beside |= dict.fromkeys([*self._container.losses, *lost])
+
+    # --- topics ---
+
+    @cached_property
+    def _topic(self) -> Topic:
+        """The topic of the clouds: the one asked for, or the only one."""
+        if self._asked is not None:
+            return self._named(self._asked)
+        mappable = [topic for topic in self._topics if topic.mappable]
+        if not mappable:
+            raise InputError(
+                f"{self.path}: holds no clouds, found {_listed(self._topics)}; can be mapped: "
+                f"{MAPPABLE}{self._damage()}"
+            )
+        if len(mappable) > 1:
+            raise UsageError(
+                f"{self.path}: holds {len(mappable)} topics with clouds, of which --topic picks "
+                f"one: {_listed(mappable)}"
+            )
+        return mappable[0]
+
+    def _named(self, name: str) -> Topic:
+        named = [topic for topic in self._topics if _same(topic.name, name)]
+        if not named:
+            raise UsageError(
+                f"{self.path}: --topic {name}: no such topic, found {_listed(self._topics)}"
+                f"{self._damage()}"
+            )
+        topic = next((topic for topic in named if topic.mappable), named[0])
+        if not topic.mappable:
+            raise UsageError(f"{self.path}: --topic {name}: {topic.why_not}")
+        return topic
+
+    def _damage(self) -> str:
+        """Say what may be the reason that a topic is missing."""
+        return "".join(f"; {loss}" for loss in self._container.losses)
+
+    def _describe(self) -> list[Topic]:
+        """Describe all topics; of those with clouds, the first message tells the frame."""
+        counts: dict[tuple[str, str], list[int | None]] = {}
+        faults: dict[tuple[str, str], str] = {}
+        for channel in self._container.channels:
+            key = (channel.topic, channel.type)
+            counts.setdefault(key, []).append(channel.count)
+            if channel.type in CLOUD_TYPES and (fault := self._deserializer.why_not(channel)):
+                faults.setdefault(key, fault)
+        topics = []
+        for (name, type_), parts in sorted(counts.items()):
+            count = None if None in parts else sum(filter(None, parts))
+            why_not, frame = faults.get((name, type_), ""), ""
+            if type_ not in CLOUD_TYPES:
+                why_not = f"{type_} cannot be mapped; can be mapped: {MAPPABLE}"
+            elif not why_not:
+                first = next(self._messages((type_,), name), None)
+                if first is None:
+                    why_not = "it holds no messages"
+                else:
+                    frame = self._first_frame(first)
+            poses = type_ in POSE_TYPES
+            topics.append(Topic(name, type_, count, not why_not, why_not, frame, poses))
+        return topics
+
+    def _first_frame(self, first: Message) -> str:
+        try:
+            parts = self._decode(first)
+        except (MalformedMessageError, MalformedCloudError):
+            # What is wrong with the message is told when it is read.
+            return self._deserializer.frame(first)
+        if len(parts) != 1 or parts[0].keyframes is not None:
+            self._split.add(first.channel.topic)
+        return parts[0].frame_id if parts else ""
+
+
+def _same(name: str, other: str) -> bool:
+    return name.strip("/") == other.strip("/")
+
+
+def _listed(topics: Sequence[Topic]) -> str:
+    return ", ".join(f"{t.name} ({t.type}{_times(t.count)})" for t in topics) or "no topics"
+
+
+def _times(count: int | None) -> str:
+    return "" if count is None else f" x {count}"

@@ -1,0 +1,1 @@
+"""From files and messages to keyframes in the map frame."""

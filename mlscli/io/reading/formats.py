@@ -1,0 +1,192 @@
+"""The formats there are, and how they are told: by content, never by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from mlscli.errors import InputError
+from mlscli.io.containers.ros2metadata import STORAGE
+from mlscli.io.ros import METADATA_FILE
+from mlscli.io.source import Reading, Source
+
+READABLE = (
+    "ROS 1 bags, ROS 2 bags (a folder with metadata.yaml, .db3, .mcap), text clouds, .ply, .pcd, "
+    ".las and .laz, COLMAP models, and OpenSfM reconstructions"
+)
+
+_HEAD = 1 << 16
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
+
+
+def open_source(path: Path, reading: Reading | None = None) -> Source:
+    """Tell the format of a file or folder by its content and open it.
+
+    Parameters
+    ----------
+    path : Path
+    reading : Reading, optional
+        What the user says of how it is to be read.
+
+    Raises
+    ------
+    InputError
+        It is missing, unreadable, broken, or of a format that cannot be read.
+    """
+    head = _head(path)
+    try:
+        format_ = next((each for each in _FORMATS if each.holds(path, head)), None)
+        found = f"is {format_.name}, which cannot be read" if format_ else _content(path, head)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if format_ is None or format_.open is None:
+        raise InputError(f"{path}: {found}; can be read: {READABLE}")
+    return format_.open(path, reading or Reading())
+
+
+class _Format(NamedTuple):
+    name: str
+    holds: Callable[[Path, bytes], bool]
+    open: Callable[[Path, Reading], Source] | None = None
+
+
+def _starting(*magics: bytes) -> Callable[[Path, bytes], bool]:
+    return lambda _, head: head.removeprefix(b"\xef\xbb\xbf").startswith(magics)
+
+
+def _open_messages(path: Path, reading: Reading) -> Source:
+    from mlscli.io.containers.opening import open_container
+    from mlscli.io.messages.topic import TopicSource
+
+    return TopicSource(open_container(path), reading.topic, reading.clock)
+
+
+def _open_text(path: Path, reading: Reading) -> Source:
+    from mlscli.io.clouds.text import TextCloud
+
+    return TextCloud(path, reading.columns)
+
+
+def _open_ply(path: Path, _: Reading) -> Source:
+    from mlscli.io.clouds.plycloud import PlyCloud
+
+    return PlyCloud(path)
+
+
+def _open_pcd(path: Path, _: Reading) -> Source:
+    from mlscli.io.clouds.pcd import PcdCloud
+
+    return PcdCloud(path)
+
+
+def _open_las(path: Path, _: Reading) -> Source:
+    from mlscli.io.clouds.las import LasCloud
+
+    return LasCloud(path)
+
+
+def _open_colmap(path: Path, _: Reading) -> Source:
+    from mlscli.io.clouds.colmap import ColmapModel
+
+    models = _colmap_models(path)
+    if len(models) > 1:
+        raise InputError(
+            f"{path}: holds {len(models)} COLMAP models, each in a frame of its own; name one: "
+            f"{', '.join(map(str, models[:5]))}{', ...' if len(models) > 5 else ''}"
+        )
+    return ColmapModel(models[0])
+
+
+def _open_opensfm(path: Path, _: Reading) -> Source:
+    from mlscli.io.clouds.opensfm import OpenSfmReconstruction
+
+    return OpenSfmReconstruction(_reconstructions(path)[0])
+
+
+def _is_ros2_folder(path: Path) -> bool:
+    """Tell whether a folder is a ROS 2 bag: by its metadata, or by files of one without them."""
+    if not path.is_dir():
+        return False
+    return any(c.name == METADATA_FILE or STORAGE.search(c.name) for c in path.iterdir())
+
+
+def _colmap_models(path: Path) -> list[Path]:
+    """Return the models in a folder: its own, or those of the project that it is.
+
+    Their files have no mark at their beginning but the comment of a text, and are known by name.
+    """
+    if path.is_file():
+        by_name = path.name in ("points3D.bin", "points3D.txt")
+        return [path] if by_name or _starting(b"# 3D point list")(path, _head(path)) else []
+    for folder in (path, path / "sparse"):
+        if any((folder / name).is_file() for name in ("points3D.bin", "points3D.txt")):
+            return [folder]
+        if folder.is_dir():
+            numbered = sorted(child for child in folder.iterdir() if child.name.isdigit())
+            models = [model for child in numbered for model in _colmap_models(child)]
+            if models:
+                return models
+    return []
+
+
+def _reconstructions(path: Path) -> list[Path]:
+    """Return the reconstruction that a file is, or that lies in a folder or ODM project."""
+    if path.is_file():
+        head = _head(path).lstrip()
+        is_json = head.startswith((b"[", b"{"))
+        return [path] if is_json and (b'"cameras"' in head or b'"shots"' in head) else []
+    places = (path / "reconstruction.json", path / "opensfm" / "reconstruction.json")
+    return [file for file in places if file.is_file()]
+
+
+def _is_text(path: Path, head: bytes) -> bool:
+    return path.is_file() and bool(head.strip()) and not _CONTROL.search(head)
+
+
+_FORMATS = (
+    _Format("ROS 2 bag", lambda path, _: _is_ros2_folder(path), _open_messages),
+    _Format("ROS 1 bag", _starting(b"#ROSBAG V", b"#ROSRECORD"), _open_messages),
+    _Format("MCAP", _starting(b"\x89MCAP0\r\n"), _open_messages),
+    _Format("SQLite", _starting(b"SQLite format 3\0"), _open_messages),
+    _Format("a file of a ROS 2 bag, compressed", _starting(b"\x28\xb5\x2f\xfd"), _open_messages),
+    _Format("PLY", _starting(b"ply\n", b"ply\r", b"ply "), _open_ply),
+    _Format("PCD", _starting(b"# .PCD", b"VERSION 0.", b"VERSION .", b"FIELDS "), _open_pcd),
+    _Format("LAS", _starting(b"LASF"), _open_las),
+    _Format("COLMAP model", lambda path, _: bool(_colmap_models(path)), _open_colmap),
+    _Format("a part of a COLMAP text model", _starting(b"# Image list", b"# Camera list")),
+    _Format("OpenSfM", lambda path, _: bool(_reconstructions(path)), _open_opensfm),
+    _Format("a JSON file", _starting(b"{", b"[")),
+    _Format("a gzip archive", _starting(b"\x1f\x8b")),
+    _Format("a zip archive or numpy's .npz", _starting(b"PK\x03\x04")),
+    _Format("text", _is_text, _open_text),
+)
+
+
+def _head(path: Path) -> bytes:
+    """Return the first bytes of a file; none of a folder."""
+    try:
+        if path.is_dir():
+            return b""
+        if not path.exists():
+            missing = f"{path}: there is no such file or folder"
+            if str(path) == "-":
+                missing += "; standard input is not read, save it to a file and name that"
+            raise InputError(missing)
+        if not path.is_file():
+            raise InputError(f"{path}: is neither a file nor a folder")
+        with path.open("rb") as file:
+            return file.read(_HEAD)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _content(path: Path, head: bytes) -> str:
+    """Say what a file or folder of no known format holds."""
+    if path.is_dir():
+        names = sorted(child.name for child in path.iterdir())
+        listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+        lacking = "is no ROS 2 bag, COLMAP model or OpenSfM reconstruction"
+        return f"holds {listed}, and {lacking}" if names else "is an empty folder"
+    return f"holds {'binary data of no known format' if head.strip() else 'nothing'}"

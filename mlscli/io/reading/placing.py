@@ -1,0 +1,234 @@
+"""Where clouds are in the map: the way from each frame into the map frame, at any time.
+
+A cloud in the map frame is taken as it is, and so is one in no frame, unless a topic tells poses.
+Any other is moved by the transforms of the recording (/tf, /tf_static), or by those poses, at its
+own time. What is known of the craft's position on the way becomes the route.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from mlscli.errors import InputError
+from mlscli.geometry.poses import Pose, Poses, apply
+from mlscli.geometry.transforms import TransformTree, bare
+from mlscli.io.clouds.trajectory import Trajectory
+from mlscli.io.reading.frames import (
+    Mounting,
+    Track,
+    body_of,
+    is_world,
+    map_frame,
+    mount,
+    named,
+    told_track,
+    told_tree,
+)
+from mlscli.io.source import Cloud, Source
+from mlscli.runtime.arrays import Float64
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the user says of frames and poses.
+
+    Attributes
+    ----------
+    frame : str or None
+        The map frame.
+    pose_topic : str or None
+        The topic that tells where the craft was.
+    mounting : Mounting or None
+        Where the sensor is on the craft, where the recording does not tell.
+    trajectory : Trajectory or None
+        Where the craft was, from a file.
+    """
+
+    frame: str | None = None
+    pose_topic: str | None = None
+    mounting: Mounting | None = None
+    trajectory: Trajectory | None = None
+
+
+Way = Callable[[float], Pose | None]
+"""T_map_cloud at a time; None or an `InputError` where not known."""
+
+
+@dataclass(eq=False)
+class Placing:
+    """The map frame, and the way into it from every other.
+
+    Attributes
+    ----------
+    frame_id : str
+        The map frame.
+    notes : list of str
+        How clouds come into it.
+    """
+
+    frame_id: str
+    _asked: Asked
+    _tree: TransformTree
+    _track: Track | None
+    _ways: dict[str, Way | None] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, sources: Sequence[Source], asked: Asked) -> Placing:
+        """Read what the sources tell of frames, and settle the map frame.
+
+        Raises
+        ------
+        InputError
+            The clouds of a source can never come into the map frame.
+        UsageError
+            What is asked for fits no source.
+        """
+        tree, notes = told_tree(sources), list[str]()
+        track = None if asked.pose_topic is None else told_track(sources, asked.pose_topic)
+        if asked.mounting is not None and track is None:
+            notes += mount(tree, asked.mounting, sources)
+        frame_id = map_frame(sources, asked.frame, tree, track)
+        placing = cls(frame_id, asked, tree, track, notes=notes)
+        if track is not None:
+            with named(f"--pose-topic {asked.pose_topic}"):
+                tree.check_way(frame_id, track.parent or frame_id)
+        for source in sources:
+            placing._check(source)
+        return placing
+
+    def place(self, source: Source, cloud: Cloud) -> Cloud | None:
+        """Return a cloud in the map frame, with the craft's position; None where not known where.
+
+        Raises
+        ------
+        InputError
+            Nothing leads from its frame to the map frame.
+        """
+        frame = bare(cloud.frame_id)
+        if frame not in self._ways:
+            self._ways[frame] = self._way(source, frame)
+        way = self._ways[frame]
+        points, position, attitude = cloud.points, cloud.position, cloud.attitude
+        if way is not None:
+            try:
+                pose = way(cloud.stamp)
+            except InputError:
+                # The frames are connected at other times.
+                pose = None
+            if pose is None:
+                return None
+            points = apply(pose, points)
+            position, attitude = _told(pose)
+        known = position if cloud.has_position else self._position(cloud.stamp)
+        return Cloud(points, cloud.stamp, known or position, self.frame_id, attitude)
+
+    def moves_with_craft(self, frame_id: str) -> bool:
+        """Tell whether a frame is a sensor's: there, (0, 0, 0) is where the sensor is itself."""
+        frame = bare(frame_id)
+        return (bool(frame) and not is_world(frame)) or self._ways.get(frame) is not None
+
+    def _position(self, stamp: float) -> tuple[float, float, float] | None:
+        """Return where the craft was, by the best that is known; None where nothing is."""
+        times = np.array([stamp])
+        if self._asked.trajectory is not None:
+            return _known(self._asked.trajectory.at(times))
+        body = self._body
+        try:
+            if self._track is not None:
+                return _known(self._in_map(self._track, times).translation)
+            if body is None or body == self.frame_id:
+                return None
+            return _known(self._tree.lookup(self.frame_id, body, times).translation)
+        except InputError:
+            # The frames are connected at other times.
+            return None
+
+    @cached_property
+    def _body(self) -> str | None:
+        return body_of(self._tree)
+
+    # --- ways into the map frame ---
+
+    def _check(self, source: Source) -> None:
+        """Find the way of a source's first cloud, and say which it is."""
+        if not source.topics():
+            return
+        frame = bare(source.frame_id)
+        way = self._ways[frame] = self._way(source, frame)
+        if way is None:
+            stated = f"are in the frame {frame!r}" if frame else "state no frame"
+            self.notes.append(f"{source.label}: the clouds {stated} and are taken as they are")
+        else:
+            by = "the transforms" if self._track is None else str(self._asked.pose_topic)
+            stated = f"from {frame!r} " if frame else ""
+            self.notes.append(
+                f"{source.label}: the clouds are moved {stated}into {self.frame_id!r} by {by}"
+            )
+
+    def _way(self, source: Source, frame: str) -> Way | None:
+        """Return the way of clouds of a frame; None where they are taken as they are."""
+        if self._track is not None and frame != self.frame_id:
+            return self._way_by_poses(self._track, frame)
+        if frame in ("", self.frame_id):
+            return None
+        if frame not in self._tree.frames:
+            raise InputError(
+                f"{source.label}: the clouds are in the frame {frame!r}, expected the map frame "
+                f"{self.frame_id!r}, or transforms that lead to it"
+            )
+        # Refused at once where nothing connects the frames at any time.
+        with named(source.label):
+            self._tree.check_way(self.frame_id, frame)
+        return lambda stamp: _single(self._tree.lookup(self.frame_id, frame, np.array([stamp])))
+
+    def _way_by_poses(self, track: Track, frame: str) -> Way:
+        mounting = self._asked.mounting
+        mount = None if mounting is None else mounting.poses
+        body = track.child or self._body
+        if mount is None and frame and body and {frame, body} <= {*self._tree.frames}:
+            # A sensor that moves on the craft is looked up anew each time.
+            return lambda stamp: _single(
+                self._in_map(track, np.array([stamp])).chained(
+                    self._tree.lookup(body, frame, np.array([stamp]))
+                )
+            )
+        if mount is None and frame != body:
+            self.notes.append(
+                f"--pose-topic {self._asked.pose_topic}: the mounting of {frame or 'the sensor'!r} "
+                "on the craft is not known and taken as none; --extrinsic gives it"
+            )
+
+        def way(stamp: float) -> Pose | None:
+            poses = self._in_map(track, np.array([stamp]))
+            return _single(poses if mount is None else poses.chained(mount))
+
+        return way
+
+    def _in_map(self, track: Track, stamps: Float64) -> Poses:
+        """Return T_map_body."""
+        poses = track.poses.at(stamps)
+        if track.parent in ("", self.frame_id):
+            return poses
+        return self._tree.lookup(self.frame_id, track.parent, stamps).chained(poses)
+
+
+def _single(poses: Poses) -> Pose | None:
+    return poses.pose(0) if poses.known[0] else None
+
+
+def _told(pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Return the position and the attitude that a pose tells."""
+    x, y, z = pose.translation.tolist()
+    qx, qy, qz, qw = pose.rotation.tolist()
+    return (x, y, z), (qx, qy, qz, qw)
+
+
+def _known(positions: Float64) -> tuple[float, float, float] | None:
+    """Return a position (1, 3); None where it is not known."""
+    x, y, z = positions[0].tolist()
+    return (x, y, z) if np.isfinite(positions).all() else None

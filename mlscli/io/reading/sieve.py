@@ -1,0 +1,84 @@
+"""Which points of a pass are kept, and under which reason the others are counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from mlscli.io.reading.tally import NO_RETURN, Tally
+from mlscli.keyframes.keyframe import FARTHEST
+from mlscli.runtime.arrays import Bool, Float64
+
+_Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
+# Why points are dropped, and which are kept.
+
+
+class Sieve:
+    """Drops points, and counts them by reason.
+
+    Parameters
+    ----------
+    tally : Tally
+        Where they are counted.
+    crop : six floats, optional
+        xmin, xmax, ymin, ymax, zmin, zmax, inclusive.
+    cumulative : bool
+        Keep a point only where its coordinates come for the first time.
+    """
+
+    def __init__(
+        self, tally: Tally, crop: Sequence[float] | None = None, *, cumulative: bool = False
+    ) -> None:
+        self._tally = tally
+        self._filters: list[_Filter] = []
+        if crop is not None:
+            low, high = np.array(crop, dtype=np.float64).reshape(3, 2).T
+
+            def inside(points: Float64) -> Bool:
+                return _on_all_axes((low <= points) & (points <= high))
+
+            self._filters.append(("outside the crop", inside))
+        if cumulative:
+            from mlscli.io.reading.seen import SeenPoints
+
+            self._filters.append(("repeated", SeenPoints().add))
+
+    def returned(self, points: Float64) -> Float64:
+        """Return the points that are echoes, of a cloud in the frame of its sensor."""
+        return self._kept(points, NO_RETURN, _on_any_axis(points != 0))
+
+    def measured(self, points: Float64) -> Float64:
+        """Return the points that are measurements, in the map frame, and asked for."""
+        unmeasured = () if _all_measured(points) else _UNMEASURED
+        for reason, keeps in (*unmeasured, *self._filters):
+            points = self._kept(points, reason, keeps(points))
+        return points
+
+    def _kept(self, points: Float64, reason: str, kept: Bool) -> Float64:
+        dropped = len(points) - int(np.count_nonzero(kept))
+        if not dropped:
+            return points
+        self._tally.drop(reason, dropped)
+        return points[kept]
+
+
+def _all_measured(points: Float64) -> bool:
+    """Tell whether all points are finite and near enough: mostly they are, and it is soon told."""
+    return not len(points) or bool(points.min() >= -FARTHEST and points.max() <= FARTHEST)
+
+
+def _on_all_axes(holds: Bool) -> Bool:
+    # Three columns are sooner combined than rows of three reduced.
+    return np.asarray(holds[:, 0] & holds[:, 1] & holds[:, 2])
+
+
+def _on_any_axis(holds: Bool) -> Bool:
+    return np.asarray(holds[:, 0] | holds[:, 1] | holds[:, 2])
+
+
+_UNMEASURED: tuple[_Filter, ...] = (
+    ("not finite", lambda points: _on_all_axes(np.isfinite(points))),
+    ("beyond 1e8", lambda points: _on_all_axes(np.abs(points) <= FARTHEST)),
+)

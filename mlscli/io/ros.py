@@ -1,0 +1,30 @@
+"""What ROS lays down, for those who read its files and those who write them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+METADATA_FILE = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
+
+DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""The numbers of datatypes in sensor_msgs/PointField, and what each stands for in numpy."""
+
+# ROS 1 has these in packages that the types of its distribution lack.
+_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
+_BESIDE_ROS1 = {"tf2_msgs/msg/TFMessage": _TRANSFORMS, "tf/msg/tfMessage": _TRANSFORMS}
+
+
+def usual_types(*, is_ros1: bool) -> Typestore:
+    """Return the types of the last distribution of ROS 1, or of the latest of ROS 2."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    if not is_ros1:
+        return get_typestore(Stores.LATEST)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for type_, text in _BESIDE_ROS1.items():
+        store.register(get_types_from_msg(text, type_))
+    return store

@@ -1,0 +1,198 @@
+"""Maps as `.npz` files, format version 1: one array per column, no pickles.
+
+The arrays are stored without compression, each with a fixed date, so that equal maps from equal
+sources make equal files. A reader trusts nothing: names, types, shapes and sizes are checked
+before memory is given to an array, and the map's invariants after.
+"""
+
+from __future__ import annotations
+
+import json
+import lzma
+import os
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from mlscli.errors import InputError, MlsError
+from mlscli.io.writing.atomic import atomic_write
+from mlscli.maps.stored_map import StoredMap, column_of, head_of
+from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.runtime.arrays import Array
+
+FORMAT, VERSION = "mls-map", 1
+LENGTHS = ("cell_size", "gap_size", "thickness")
+# Deflated data grow no more than this; a file that claims more is not to be given memory for.
+DENSEST = 1032
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+# What reading a member of a damaged, encrypted or oddly compressed archive raises.
+_DAMAGED = (ValueError, EOFError, RuntimeError, zlib.error, lzma.LZMAError)
+
+
+def write_map(
+    path: str | os.PathLike[str], surface: SurfaceMap | StoredMap, *, overwrite: bool = False
+) -> None:
+    """Write a map, whole or not at all; one that lies on disk part by part.
+
+    Raises
+    ------
+    OutputError
+        Where the file exists and `overwrite` is False, or it cannot be written.
+    """
+    head = head_of(surface)
+    with (
+        atomic_write(path, overwrite=overwrite) as stream,
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive,
+    ):
+
+        def write(name: str, value: object) -> None:
+            with _member(archive, name) as member:
+                np.lib.format.write_array(member, np.asanyarray(value), allow_pickle=False)
+
+        write("format", FORMAT)
+        write("version", VERSION)
+        for name in LENGTHS:
+            write(name, getattr(head, name))
+        for name, dtype in COLUMNS.items():
+            with _member(archive, name) as member:
+                _write_column(member, dtype, surface.size, column_of(surface, name))
+        write("frame_id", head.frame_id)
+        write("route", head.route)
+        write("meta", json.dumps(head.meta, ensure_ascii=False, allow_nan=False))
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
+    return archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True)
+
+
+def _write_column(
+    member: IO[bytes], dtype: np.dtype[Any], size: int, parts: Iterable[Array]
+) -> None:
+    """Write an array of one dimension that comes in parts, as numpy writes it at once."""
+    described = {
+        "descr": np.lib.format.dtype_to_descr(dtype),
+        "fortran_order": False,
+        "shape": (size,),
+    }
+    np.lib.format.write_array_header_1_0(member, described)
+    for part in parts:
+        member.write(np.ascontiguousarray(part).data)
+
+
+def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
+    """Read a map and check it.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the first fault: what is missing, or has the wrong type, shape,
+        order or range.
+    """
+    source = Path(path)
+    with _reading(source), zipfile.ZipFile(source) as archive:
+        members = _Members(archive)
+        if (kind := members.text("format")) != FORMAT:
+            raise InputError(f"format: is {kind!r}; it must be {FORMAT!r}")
+        if (version := members.array("version", None, ())) != VERSION:
+            raise InputError(f"version: is {version}; this program reads version {VERSION}")
+        arrays: dict[str, Any] = {
+            name: float(members.array(name, np.float64, ())) for name in LENGTHS
+        }
+        patches = members.shape("ix")
+        arrays |= {name: members.array(name, dtype, patches[:1]) for name, dtype in COLUMNS.items()}
+        route = members.array("route", np.float64, (*members.shape("route")[:1], 4))
+        frame_id = members.text("frame_id")
+        meta = json.loads(members.text("meta"))
+        if not isinstance(meta, dict):
+            raise InputError(f"meta: holds a JSON {type(meta).__name__}; it must be an object")
+        surface = SurfaceMap(**arrays, frame_id=frame_id, route=route, meta=meta)
+        surface.check()
+    return surface
+
+
+def is_map(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file says of itself that it is a map."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return _Members(archive).text("format") == FORMAT
+    except (*_DAMAGED, OSError, zipfile.BadZipFile, MlsError):
+        return False
+
+
+@contextmanager
+def _reading(source: Path) -> Iterator[None]:
+    """Turn whatever a file can do wrong into one line that names it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+    except FileNotFoundError:
+        raise InputError(f"{source}: no such file") from None
+    except IsADirectoryError:
+        raise InputError(f"{source}: is a folder; a map is a .npz file") from None
+    except zipfile.BadZipFile as error:
+        raise InputError(f"{source}: is no map (.npz), or a damaged one: {error}") from None
+    except _DAMAGED as error:
+        raise InputError(f"{source}: is a damaged map: {error}") from None
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read: {error.strerror or error}") from None
+
+
+class _Members:
+    """The arrays of an archive, each checked before it is read."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        self._archive = archive
+
+    def _header(self, name: str) -> tuple[zipfile.ZipInfo, tuple[int, ...], np.dtype[Any]]:
+        try:
+            entry = self._archive.getinfo(f"{name}.npy")
+        except KeyError:
+            raise InputError(f"{name}: is missing; a map holds this array") from None
+        with self._archive.open(entry) as member:
+            version = np.lib.format.read_magic(member)
+            if version == (1, 0):
+                header = np.lib.format.read_array_header_1_0(member)
+            elif version == (2, 0):
+                header = np.lib.format.read_array_header_2_0(member)
+            else:
+                raise InputError(f"{name}: has a header of version {version}; 1.0 is expected")
+            shape, _, dtype = header
+            begin = member.tell()
+        size = begin + dtype.itemsize * int(np.prod([int(side) for side in shape], dtype=object))
+        if dtype.hasobject or entry.file_size != size or size > DENSEST * (entry.compress_size + 1):
+            raise InputError(
+                f"{name}: declares {dtype} {shape} ({size} bytes) and holds "
+                f"{entry.file_size} bytes, {entry.compress_size} in the file"
+            )
+        return entry, shape, dtype
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        return self._header(name)[1]
+
+    def array(self, name: str, dtype: Any, shape: tuple[int, ...]) -> Array:
+        """Return an array of the type and shape that the format asks for; None: any integer."""
+        entry, found, kind = self._header(name)
+        right = np.issubdtype(kind, np.integer) if dtype is None else kind == dtype
+        if not right:
+            expected = "an integer" if dtype is None else np.dtype(dtype).name
+            raise InputError(f"{name}: has dtype {kind}; it must be {expected}")
+        if found != shape:
+            raise InputError(f"{name}: has shape {found}; it must be {shape}")
+        with self._archive.open(entry) as member:
+            array: Array = np.lib.format.read_array(member, allow_pickle=False)
+        return array
+
+    def text(self, name: str) -> str:
+        entry, shape, dtype = self._header(name)
+        if dtype.kind != "U" or shape != ():
+            raise InputError(f"{name}: has dtype {dtype} and shape {shape}; it must be a string")
+        with self._archive.open(entry) as member:
+            return str(np.lib.format.read_array(member, allow_pickle=False))

@@ -1,0 +1,83 @@
+"""Meshes as PLY: binary little-endian, coordinates in float64.
+
+Vertices have ``x y z`` (double), ``red green blue`` (uchar) and ``origin`` (int): 0 measured,
+1 plastered, 2 artificial, 3 the route. Triangles are the element ``face``, lines the element
+``edge``; a vertex that neither uses is a point.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mlscli.errors import OutputError
+from mlscli.io.writing.atomic import atomic_write, refuse_existing
+from mlscli.runtime.arrays import Array
+
+if TYPE_CHECKING:
+    from mlscli.mesh import Mesh
+
+# Face and edge elements count vertices in int32.
+MAX_VERTICES = 2**31 - 1
+
+VERTEX = np.dtype([("xyz", "<f8", 3), ("rgb", "u1", 3), ("origin", "<i4")])
+FACE = np.dtype([("corners", "u1"), ("vertices", "<i4", 3)])
+EDGE = np.dtype([("vertices", "<i4", 2)])
+
+
+def write_ply(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = False) -> None:
+    """Write a mesh as PLY, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        Where the file exists and `overwrite` is False, it cannot be written, or the mesh has
+        more vertices than PLY's int can number.
+    """
+    refuse_existing(path, overwrite=overwrite)
+    if len(mesh.vertices) > MAX_VERTICES:
+        raise OutputError(
+            f"{os.fspath(path)}: the mesh has {len(mesh.vertices)} vertices; "
+            f"a PLY file numbers at most {MAX_VERTICES}"
+        )
+    with atomic_write(path, overwrite=overwrite) as stream:
+        stream.write(_header(mesh).encode("ascii"))
+        for records in _elements(mesh):
+            stream.write(records.view(np.uint8).data)
+
+
+def _header(mesh: Mesh) -> str:
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(mesh.vertices)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        *(f"property uchar {colour}" for colour in ("red", "green", "blue")),
+        "property int origin",
+        f"element face {len(mesh.triangles)}",
+        "property list uchar int vertex_indices",
+        f"element edge {len(mesh.lines)}",
+        "property int vertex1",
+        "property int vertex2",
+        "end_header",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _elements(mesh: Mesh) -> Iterator[Array]:
+    """Yield the records of each element, in the order of the header."""
+    vertices = np.empty(len(mesh.vertices), dtype=VERTEX)
+    vertices["xyz"] = mesh.vertices
+    vertices["rgb"] = mesh.colours
+    vertices["origin"] = mesh.origin
+    yield vertices
+    faces = np.empty(len(mesh.triangles), dtype=FACE)
+    faces["corners"] = 3
+    faces["vertices"] = mesh.triangles
+    yield faces
+    edges = np.empty(len(mesh.lines), dtype=EDGE)
+    edges["vertices"] = mesh.lines
+    yield edges

@@ -1,0 +1,1 @@
+"""Keyframes, and batches of them: what recordings become, and what the pipeline takes."""

@@ -1,0 +1,84 @@
+"""The points that keyframes carry through the pipeline, and batches of keyframes.
+
+The pipeline sees points only, each with the number of its keyframe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
+
+
+class Points(NamedTuple):
+    """Points on their way through the pipeline.
+
+    Attributes
+    ----------
+    xyz : float64 (N, 3)
+        Coordinates in the map frame.
+    keyframe : int32 (N,)
+        The number of each point's keyframe: its row in the map's route.
+    """
+
+    xyz: Float64
+    keyframe: Int32
+
+    @property
+    def size(self) -> int:
+        """How many points these are."""
+        return len(self.xyz)
+
+    def take(self, which: Bool | Int64 | slice) -> Points:
+        """Return the points that a mask, indices or a slice choose."""
+        return Points(self.xyz[which], self.keyframe[which])
+
+
+class Batch(NamedTuple):
+    """Successive keyframes, gathered until there were points enough.
+
+    Attributes
+    ----------
+    points : Points
+    route : float64 (K, 4)
+        Time, x, y, z of the craft, a row for each keyframe of the batch.
+    """
+
+    points: Points
+    route: Float64
+
+
+def gather(keyframes: Iterable[Keyframe], first: int = 0) -> Batch:
+    """Put keyframes together, numbered from `first` in the order given."""
+    clouds, route = [], []
+    for keyframe in keyframes:
+        clouds.append(keyframe.points)
+        route.append((keyframe.stamp, *keyframe.position))
+    numbers = np.arange(first, first + len(clouds), dtype=np.int32)
+    of_each = np.repeat(numbers, [len(cloud) for cloud in clouds])
+    xyz = clouds[0] if len(clouds) == 1 else np.concatenate([np.empty((0, 3)), *clouds])
+    points = Points(np.ascontiguousarray(xyz), of_each)
+    return Batch(points, np.array(route, dtype=np.float64).reshape(-1, 4))
+
+
+def batches(keyframes: Iterable[Keyframe], min_points: int) -> Iterator[Batch]:
+    """Gather keyframes until a batch has at least `min_points` points.
+
+    The last batch takes what is left, so that no point is lost. (Thesis, section 4.1: the
+    minimum size of published point clouds.)
+    """
+    waiting: list[Keyframe] = []
+    size = first = 0
+    for keyframe in keyframes:
+        waiting.append(keyframe)
+        size += len(keyframe.points)
+        if size >= min_points:
+            yield gather(waiting, first)
+            first += len(waiting)
+            waiting, size = [], 0
+    if waiting:
+        yield gather(waiting, first)

@@ -1,0 +1,32 @@
+"""Keyframes: a recording is a sequence of them, each a cloud, its time, and where the craft was."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mlscli.runtime.arrays import Float64
+
+FARTHEST = 1e8
+"""Beyond this, a coordinate is no measurement."""
+
+UNKNOWN_POSITION = (math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """A cloud in the map frame, when it was seen and from where.
+
+    Attributes
+    ----------
+    points : float64 (N, 3)
+        Coordinates in the unit of the recording, z up, all finite; never -0.0.
+    stamp : float
+        Time in seconds; NaN where not known.
+    position : tuple of float
+        Where the craft was, in the map frame; NaN where not known.
+    """
+
+    points: Float64
+    stamp: float = math.nan
+    position: tuple[float, float, float] = UNKNOWN_POSITION

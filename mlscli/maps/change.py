@@ -1,0 +1,78 @@
+"""What a batch changes in a growing map: patches that go, patches that come, the route grown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from mlscli.maps.cells import CellSet
+from mlscli.maps.records import counted, records_in, records_of, rows_in, surface_of
+from mlscli.maps.rows import missing
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Array, Float64, UInt64
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """The difference of two states of a map.
+
+    A patch that differs in any column, if only in its count, goes and comes. Maps are made of
+    them where somebody looks.
+
+    Attributes
+    ----------
+    gone, come : uint64 (N, words)
+        Patches of the state before, and of the state after, as rows of `mlscli.maps.records`.
+    like : SurfaceMap
+        Gives cell size, gap size, thickness and frame.
+    route : float64 (K, 4)
+        The rows that the route gains, as in `SurfaceMap`.
+    """
+
+    gone: UInt64
+    come: UInt64
+    like: SurfaceMap
+    route: Float64 = field(default_factory=lambda: np.empty((0, 4)))
+
+    @classmethod
+    def of(cls, removed: SurfaceMap, added: SurfaceMap, route: Float64) -> Change:
+        """Return the change that takes some patches away and puts others there."""
+        return cls(rows_in(records_of(removed)), rows_in(records_of(added)), removed, route)
+
+    @classmethod
+    def between(cls, before: Array, after: Array, like: SurfaceMap) -> Change:
+        """Return the difference of two states, given as records."""
+        one, other = rows_in(before), rows_in(after)
+        return cls(missing(one, other), missing(other, one), like)
+
+    @cached_property
+    def removed(self) -> SurfaceMap:
+        """Patches of the state before; their keyframes number the rows of the whole map's route."""
+        return surface_of(records_in(self.gone), self.like)
+
+    @cached_property
+    def added(self) -> SurfaceMap:
+        """Patches of the state after."""
+        return surface_of(records_in(self.come), self.like)
+
+    @property
+    def cells(self) -> CellSet:
+        """The cells in which something changed."""
+        return CellSet.of_keys(np.concatenate((self.gone[:, 0], self.come[:, 0])))
+
+    @property
+    def points(self) -> int:
+        """How many more points the patches hold than before."""
+        return int(counted(records_in(self.come)) - counted(records_in(self.gone)))
+
+    def applied_to(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return the state after, given the state before."""
+        stays = missing(rows_in(records_of(surface)), self.gone)
+        return surface_of(records_in(stays), surface).union(self.added)
+
+
+def points_in(surface: SurfaceMap) -> int:
+    """Return how many measured points the patches hold."""
+    return int(surface.count.sum(dtype=np.int64))

@@ -1,0 +1,102 @@
+"""Cells that share an edge or a line of the grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlscli.runtime.arrays import Int32, Int64
+from mlscli.runtime.kernels import inner, kernel
+
+Index = int | np.int64
+
+# So many lines for each cell are worth a table of them all.
+_DENSE = 4
+
+
+@kernel
+def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
+    """Return for each cell the number of the cell at (ix + dx, iy + dy); -1: none.
+
+    Cells are in order of (ix, iy), and so are the cells sought: one walk over both finds them.
+    """
+    found = np.full(len(ix), -1, dtype=np.int64)
+    there = 0
+    for cell in range(len(ix)):
+        x, y = np.int64(ix[cell]) + dx, np.int64(iy[cell]) + dy
+        there = onward(ix, iy, there, x, y)
+        if is_at(ix, iy, there, x, y):
+            found[cell] = there
+    return found
+
+
+@inner
+def is_at(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> bool:
+    """Tell whether a cell, which may be none, is the one at (x, y)."""
+    # Of four comparisons one by one each would be a branch.
+    return bool((cell >= 0) & (cell < len(ix)) and (ix[cell] == x) & (iy[cell] == y))
+
+
+@inner
+def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
+    """Return the first cell, from one on, that does not come before (x, y); cells may repeat."""
+    while cell < len(ix) and (ix[cell] < x or (ix[cell] == x and iy[cell] < y)):
+        cell += 1
+    return cell
+
+
+@inner
+def sought(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
+    """Return the first cell, from one on or (-1) of all, that does not come before (x, y)."""
+    if cell >= 0:
+        return onward(ix, iy, cell, x, y)
+    begin, end = 0, len(ix)
+    while begin < end:
+        middle = (begin + end) // 2
+        if ix[middle] < x or (ix[middle] == x and iy[middle] < y):
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@inner
+def beside(ix: Int32, iy: Int32) -> Int64:
+    """Return for each cell the numbers of the four that share an edge with it, (C, 4); -1: none."""
+    four = np.empty((len(ix), 4), dtype=np.int64)
+    four[:, 0] = shifted(ix, iy, -1, 0)
+    four[:, 1] = shifted(ix, iy, 1, 0)
+    four[:, 2] = shifted(ix, iy, 0, -1)
+    four[:, 3] = shifted(ix, iy, 0, 1)
+    return four
+
+
+def links(line: Int32) -> tuple[Int32, Int32]:
+    """Return for each cell the next one of its line and the one before; -1: none.
+
+    Parameters
+    ----------
+    line : int32 (C,)
+        In which line of the grid each cell lies: its `ix` or its `iy`. The cells of a line come in
+        order.
+    """
+    least, greatest = int(line.min(initial=0)), int(line.max(initial=0))
+    if greatest - least > _DENSE * len(line):
+        # Far apart: lines that hold no cell are not counted.
+        line = np.unique(line, return_inverse=True)[1].astype(np.int32)
+        least, greatest = 0, len(line)
+    after, before = _links(line, least, greatest - least + 1)
+    return after, before
+
+
+@kernel
+def _links(line: Int32, least: int, lines: int) -> tuple[Int32, Int32]:
+    # No cell needs more than 4 bytes for its number but in maps that fill 100 GB.
+    after, before = np.empty(len(line), dtype=np.int32), np.empty(len(line), dtype=np.int32)
+    last = np.full(lines, -1, dtype=np.int32)
+    for cell in range(len(line)):
+        number = line[cell] - least
+        before[cell], after[cell] = last[number], -1
+        if last[number] >= 0:
+            after[last[number]] = cell
+        last[number] = cell
+    return after, before

@@ -1,0 +1,118 @@
+"""The file's order of patches: ascending by cell, then by height, depth, origin and count."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt8, UInt32
+from mlscli.runtime.kernels import inner, kernel
+
+
+class Keys(NamedTuple):
+    """The columns by which patches are sorted: the first that differs decides."""
+
+    ix: Int32
+    iy: Int32
+    height: Float64
+    depth: Float64
+    origin: UInt8
+    points: UInt32
+
+
+class Columns(NamedTuple):
+    """The cells that hold patches, in the file's order, and where their patches begin.
+
+    Attributes
+    ----------
+    ix, iy : int32 (C,)
+        Cell indices, ascending by (ix, iy).
+    start : int64 (C + 1,)
+        The patches of cell c are ``start[c]`` to ``start[c + 1]``.
+    """
+
+    ix: Int32
+    iy: Int32
+    start: Int64
+
+    @classmethod
+    def of(cls, ix: Int32, iy: Int32) -> Columns:
+        """Return the cells of patches that ascend by (ix, iy)."""
+        start = _starts(ix, iy)
+        return cls(ix[start[:-1]], iy[start[:-1]], start)
+
+
+@kernel
+def _starts(ix: Int32, iy: Int32) -> Int64:
+    start = np.empty(len(ix) + 1, dtype=np.int64)
+    start[0] = cells = 0
+    for i in range(len(ix)):
+        start[cells + 1] = i + 1
+        cells += i + 1 == len(ix) or ix[i + 1] != ix[i] or iy[i + 1] != iy[i]
+    return start[: cells + 1].copy()
+
+
+@kernel
+def ascend(keys: Keys) -> bool:
+    """Tell whether patches are in order."""
+    i = 1
+    while i < len(keys.ix) and not _later(keys, i - 1, keys, i):
+        i += 1
+    return i >= len(keys.ix)
+
+
+@kernel
+def come_before(keys: Keys, others: Keys) -> Int64:
+    """Return for each of the others how many come before it, and before its equals.
+
+    Both are in order.
+    """
+    before = np.empty(len(others.ix), dtype=np.int64)
+    i = 0
+    for j in range(len(others.ix)):
+        while i < len(keys.ix) and not _later(keys, i, others, j):
+            i += 1
+        before[j] = i
+    return before
+
+
+def bare(column: Array) -> Array:
+    """Return the bytes of a column as unsigned numbers: fewer kinds are fewer kernels."""
+    return column.view(f"u{column.itemsize}")
+
+
+@kernel
+def pick(column: Array, which: Int64, picked: Array) -> None:
+    """Take the elements at some indices out of a column."""
+    for i in range(len(which)):
+        picked[i] = column[which[i]]
+
+
+@kernel
+def interleave(column: Array, others: Array, before: Int64, both: Array) -> None:
+    """Put two columns together; ``before[k]`` of the first come before the k-th of the others."""
+    done = 0
+    for k in range(len(others)):
+        for i in range(done, before[k]):
+            both[i + k] = column[i]
+        done = before[k]
+        both[done + k] = others[k]
+    for i in range(done, len(column)):
+        both[i + len(others)] = column[i]
+
+
+@inner
+def _later(keys: Keys, i: int, others: Keys, j: int) -> bool:
+    """Tell whether patch i comes after patch j of the others."""
+    if keys.ix[i] != others.ix[j]:
+        return bool(keys.ix[i] > others.ix[j])
+    if keys.iy[i] != others.iy[j]:
+        return bool(keys.iy[i] > others.iy[j])
+    if keys.height[i] != others.height[j]:
+        return bool(keys.height[i] > others.height[j])
+    if keys.depth[i] != others.depth[j]:
+        return bool(keys.depth[i] > others.depth[j])
+    if keys.origin[i] != others.origin[j]:
+        return bool(keys.origin[i] > others.origin[j])
+    return bool(keys.points[i] > others.points[j])

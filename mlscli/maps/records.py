@@ -1,0 +1,126 @@
+"""Patches as records: all that a map knows of a patch, side by side in memory.
+
+Columns are for those who look at one property of all patches. What moves whole patches about, as
+a map that grows does, takes records: as rows of 8-byte words, where it need not know what they
+hold, or by their fields.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mlscli.maps.cells import cell_of, key_of
+from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.runtime.arrays import Array, Float64, Int32, UInt8, UInt32, UInt64
+from mlscli.runtime.kernels import kernel
+
+PATCH = np.dtype(
+    [
+        # The packed key, by which cells sort as (ix, iy).
+        ("cell", np.uint64),
+        ("height", np.float64),
+        ("depth", np.float64),
+        ("top", np.float64),
+        ("bottom", np.float64),
+        ("mean", np.float64),
+        ("variance", np.float64),
+        ("count", np.uint32),
+        ("region", np.int32),
+        ("first_keyframe", np.int32),
+        ("last_keyframe", np.int32),
+        # In a whole word: no byte of a record is unused, and bytes can be compared.
+        ("origin", np.uint64),
+    ]
+)
+WORDS = PATCH.itemsize // 8
+
+
+def records_of(surface: SurfaceMap) -> Array:
+    """Return the patches of a map as records, (P,)."""
+    records = np.empty(surface.size, PATCH)
+    _put_together(records, *surface.columns.values())
+    return records
+
+
+def surface_of(records: Array, like: SurfaceMap) -> SurfaceMap:
+    """Return the map of records, in their order; all but its patches is like another's."""
+    columns = dict(zip(COLUMNS, _taken_apart(np.asarray(records)), strict=True))
+    return SurfaceMap(
+        like.cell_size,
+        like.gap_size,
+        like.thickness,
+        **columns,
+        frame_id=like.frame_id,
+        route=like.route,
+        meta=like.meta,
+    )
+
+
+def rows_in(records: Array) -> UInt64:
+    """Return records as rows of words, uint64 (P, WORDS); they share the memory."""
+    return records.view(np.uint64).reshape(-1, WORDS)
+
+
+def records_in(rows: UInt64) -> Array:
+    """Return rows of words as records, (P,); they share the memory."""
+    return rows.view(PATCH).reshape(-1)
+
+
+@kernel
+def counted(records: Any) -> int:
+    """Return how many measured points patches hold."""
+    points = 0
+    for i in range(len(records)):
+        points += records[i]["count"]
+    return points
+
+
+@kernel
+def _put_together(
+    records: Any,
+    ix: Int32,
+    iy: Int32,
+    height: Float64,
+    depth: Float64,
+    top: Float64,
+    bottom: Float64,
+    mean: Float64,
+    variance: Float64,
+    count: UInt32,
+    origin: UInt8,
+    region: Int32,
+    first: Int32,
+    last: Int32,
+) -> None:
+    for i in range(len(records)):
+        patch = records[i]
+        patch.cell = key_of(ix[i], iy[i])
+        patch.height, patch.depth = height[i], depth[i]
+        patch.top, patch.bottom = top[i], bottom[i]
+        patch.mean, patch.variance = mean[i], variance[i]
+        patch["count"], patch.origin, patch.region = count[i], origin[i], region[i]
+        patch.first_keyframe, patch.last_keyframe = first[i], last[i]
+
+
+@kernel
+def _taken_apart(records: Any) -> Any:
+    """Return the columns of records, in the order that maps have them in."""
+    size = len(records)
+    ix, iy = np.empty(size, np.int32), np.empty(size, np.int32)
+    height, depth = np.empty(size), np.empty(size)
+    top, bottom = np.empty(size), np.empty(size)
+    mean, variance = np.empty(size), np.empty(size)
+    count, origin = np.empty(size, np.uint32), np.empty(size, np.uint8)
+    region = np.empty(size, np.int32)
+    first, last = np.empty(size, np.int32), np.empty(size, np.int32)
+    for i in range(size):
+        patch = records[i]
+        ix[i], iy[i] = cell_of(patch.cell)
+        height[i], depth[i] = patch.height, patch.depth
+        top[i], bottom[i] = patch.top, patch.bottom
+        mean[i], variance[i] = patch.mean, patch.variance
+        count[i], origin[i], region[i] = patch["count"], patch.origin, patch.region
+        first[i], last[i] = patch.first_keyframe, patch.last_keyframe
+    return ix, iy, height, depth, top, bottom, mean, variance, count, origin, region, first, last

@@ -1,0 +1,103 @@
+"""Rows of 8-byte words: what is known of a point or a patch, its cell's packed key first.
+
+Whoever moves rows about need not know what they hold. Unless said otherwise they ascend by cell.
+Places and sizes are int64 throughout: of each other type of them a kernel would be compiled anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlscli.maps.strips import SHIFT
+from mlscli.runtime.arrays import ONE, ZERO, Int64, UInt64
+from mlscli.runtime.kernels import inner, kernel
+
+
+@inner
+def copied(rows: UInt64, begin: int, size: int, target: UInt64, to: int) -> int:
+    """Copy some rows to a place, and return the place after them."""
+    for row in range(size):
+        for word in range(rows.shape[1]):
+            target[to + row, word] = rows[begin + row, word]
+    return to + size
+
+
+@kernel
+def merged(rows: UInt64, others: UInt64) -> UInt64:
+    """Return the rows of both, ascending by cell; in a cell the others come last."""
+    both = np.empty((len(rows) + len(others), rows.shape[1]), dtype=np.uint64)
+    i = j = n = ZERO
+    while n < len(both):
+        if j == len(others) or (i < len(rows) and rows[i, 0] <= others[j, 0]):
+            n = copied(rows, i, ONE, both, n)
+            i += 1
+        else:
+            n = copied(others, j, ONE, both, n)
+            j += 1
+    return both
+
+
+@kernel
+def starts(rows: UInt64, strips: UInt64) -> Int64:
+    """Return from where to where the rows of each strip lie, (S, 2); both ascend."""
+    start = np.empty((len(strips), 2), dtype=np.int64)
+    i = 0
+    for s in range(len(strips)):
+        while i < len(rows) and rows[i, 0] >> np.uint64(SHIFT) < strips[s]:
+            i += 1
+        start[s, 0] = i
+        while i < len(rows) and rows[i, 0] >> np.uint64(SHIFT) == strips[s]:
+            i += 1
+        start[s, 1] = i
+    return start
+
+
+@inner
+def alike(rows: UInt64, begin: int, size: int, others: UInt64, first: int, more: int) -> bool:
+    """Tell whether some rows are as many as some others, and the same one by one."""
+    if size != more:
+        return False
+    same = True
+    for i in range(size):
+        same &= _same(rows, begin + i, others, first + i)
+    return same
+
+
+@inner
+def _same(rows: UInt64, row: int, others: UInt64, other: int) -> bool:
+    same = True
+    for word in range(rows.shape[1]):
+        same &= rows[row, word] == others[other, word]
+    return same
+
+
+@inner
+def note_missing(
+    rows: UInt64, begin: int, size: int, others: UInt64, first: int, more: int,
+    missing: UInt64, noted: int,
+) -> int:  # fmt: skip
+    """Note which of some rows are not among others, after those noted; return how many now are."""
+    for i in range(size):
+        there = False
+        for j in range(more):
+            if _same(rows, begin + i, others, first + j):
+                there = True
+                break
+        if not there:
+            noted = copied(rows, begin + i, ONE, missing, noted)
+    return noted
+
+
+@kernel
+def missing(rows: UInt64, others: UInt64) -> UInt64:
+    """Return the rows that are not among others, bit for bit; both ascend by cell."""
+    apart = np.empty_like(rows)
+    noted = first = ZERO
+    for i in range(len(rows)):
+        while first < len(others) and others[first, 0] < rows[i, 0]:
+            first += 1
+        last = first
+        while last < len(others) and others[last, 0] == rows[i, 0]:
+            last += 1
+        noted = note_missing(rows, i, ONE, others, first, last - first, apart, noted)
+    return apart[:noted]

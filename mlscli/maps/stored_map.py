@@ -1,0 +1,78 @@
+"""A map too large for memory: its columns lie on disk, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.runtime.arrays import Array
+from mlscli.runtime.scratch import Scratch, Stored
+
+
+class Part(NamedTuple):
+    """Successive patches of a map, put away column by column."""
+
+    size: int
+    columns: Mapping[str, Stored]
+
+
+@dataclass(frozen=True, eq=False)
+class StoredMap:
+    """A map that is read part by part, each of whole cells, in the file's order.
+
+    Attributes
+    ----------
+    head : SurfaceMap
+        All of the map but its patches.
+    parts : list of Part
+    """
+
+    head: SurfaceMap
+    parts: list[Part]
+
+    @property
+    def size(self) -> int:
+        """How many patches there are."""
+        return sum(part.size for part in self.parts)
+
+    def put(self, surface: SurfaceMap, scratch: Scratch) -> None:
+        """Put away the patches that come next in the file's order."""
+        columns = {name: scratch.put(column) for name, column in surface.columns.items()}
+        self.parts.append(Part(surface.size, columns))
+
+    def column(self, name: str) -> Iterator[Array]:
+        """Yield a column, part by part."""
+        for part in self.parts:
+            yield part.columns[name][0 : part.size]
+
+    def surfaces(self) -> Iterator[SurfaceMap]:
+        """Yield the map, part by part."""
+        for part in self.parts:
+            columns: dict[str, Any] = {name: part.columns[name][0 : part.size] for name in COLUMNS}
+            yield replace(self.head, **columns)
+
+
+# --- what a map in memory and one on disk have in common ---
+
+
+def head_of(surface: SurfaceMap | StoredMap) -> SurfaceMap:
+    """Return a map that has all but the patches of this one."""
+    return surface.head if isinstance(surface, StoredMap) else surface
+
+
+def column_of(surface: SurfaceMap | StoredMap, name: str) -> Iterator[Array]:
+    """Yield a column, part by part."""
+    if isinstance(surface, StoredMap):
+        yield from surface.column(name)
+    else:
+        yield surface.columns[name]
+
+
+def parts_of(surface: SurfaceMap | StoredMap) -> Iterator[SurfaceMap]:
+    """Yield the map in parts of whole cells."""
+    if isinstance(surface, StoredMap):
+        yield from surface.surfaces()
+    else:
+        yield surface

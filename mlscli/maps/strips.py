@@ -1,0 +1,126 @@
+"""Cells by strips: a strip is some successive cells of one column of the grid, a bit for each.
+
+Strips ascend as their cells do, (ix, iy): what is put together strip by strip is in the order of
+maps. All kernels take and return the numbers of strips, ascending, and the bits of their cells.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.runtime.arrays import ZERO, UInt64
+from mlscli.runtime.kernels import inner, kernel
+
+# A strip has 2**5 cells: some more than what a batch of a sparse cloud touches of a column.
+SHIFT = 5
+SIDE = 2**SHIFT
+
+# A strip is the packed key of its cells without the last bits: 32 bits for ix, the others for iy.
+WIDTH = 32 - SHIFT
+
+
+class Strips(NamedTuple):
+    """A set of cells.
+
+    Attributes
+    ----------
+    number : uint64 (S,)
+        Packed keys of the strips' cells, shifted by `SHIFT`; ascending, each once.
+    bits : uint64 (S,)
+        Which of its cells are in the set: for that with the packed key c, bit ``c % SIDE``.
+    """
+
+    number: UInt64
+    bits: UInt64
+
+
+@kernel
+def strips_of(cells: UInt64) -> tuple[UInt64, UInt64]:
+    """Return the strips of cells, whose packed keys ascend and may repeat."""
+    number, bits = np.empty_like(cells), np.zeros_like(cells)
+    size = 0
+    for cell in cells:
+        strip = cell >> np.uint64(SHIFT)
+        if size == 0 or number[size - 1] != strip:
+            number[size] = strip
+            size += 1
+        bits[size - 1] |= np.uint64(1) << (cell & np.uint64(SIDE - 1))
+    return number[:size], bits[:size]
+
+
+@kernel
+def widened(number: UInt64, bits: UInt64, reach: int) -> tuple[UInt64, UInt64]:
+    """Return the strips of all cells within `reach` of those given, in x and in y.
+
+    A set and its images one step to either side are the set widened by the step, as long as that
+    is no longer than the set has been widened before; so the steps grow. At an edge of the grid
+    one image may be lost: a longer step would leave a hole there.
+    """
+    covered = ZERO
+    while covered < reach:
+        step = min(covered + 1, reach - covered)
+        number, bits = _spread(number, bits, step, ZERO)
+        number, bits = _spread(number, bits, ZERO, step)
+        covered += step
+    return number, bits
+
+
+@inner
+def _spread(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
+    """Return a set together with its images so far away to both sides."""
+    there = _moved(number, bits, dx, dy)
+    back = _moved(number, bits, -dx, -dy)
+    both = _united(there[0], there[1], back[0], back[1])
+    return _united(number, bits, both[0], both[1])
+
+
+@inner
+def _moved(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
+    """Return the image of a set so far away, without what lies off the grid."""
+    by = np.uint64(dy & (SIDE - 1))
+    # Bits that are moved out of a strip come to lie in the next.
+    one = _shifted(number, bits << by & np.uint64(2**SIDE - 1), dx, dy >> SHIFT)
+    if by == 0:
+        return one
+    next_one = _shifted(number, bits >> (np.uint64(SIDE) - by), dx, (dy >> SHIFT) + 1)
+    return _united(one[0], one[1], next_one[0], next_one[1])
+
+
+@inner
+def _shifted(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
+    """Move strips as a whole."""
+    moved, kept = np.empty_like(number), np.empty_like(bits)
+    size = 0
+    for i in range(len(number)):
+        x = np.int64(number[i] >> np.uint64(WIDTH)) + dx
+        y = np.int64(number[i] & np.uint64(2**WIDTH - 1)) + dy
+        if bits[i] and 0 <= x < 2**32 and 0 <= y < 2**WIDTH:
+            moved[size] = np.uint64(x) << np.uint64(WIDTH) | np.uint64(y)
+            kept[size] = bits[i]
+            size += 1
+    return moved[:size], kept[:size]
+
+
+@inner
+def _united(
+    number: UInt64, bits: UInt64, other_number: UInt64, other_bits: UInt64
+) -> tuple[UInt64, UInt64]:
+    """Return the cells that are in one of two sets."""
+    both = np.empty(len(number) + len(other_number), dtype=np.uint64)
+    cells = np.empty_like(both)
+    size = i = j = 0
+    while i < len(number) or j < len(other_number):
+        if j == len(other_number) or (i < len(number) and number[i] <= other_number[j]):
+            strip, inside = number[i], bits[i]
+            i += 1
+        else:
+            strip, inside = other_number[j], other_bits[j]
+            j += 1
+        if size and both[size - 1] == strip:
+            cells[size - 1] |= inside
+        else:
+            both[size], cells[size] = strip, inside
+            size += 1
+    return both[:size], cells[:size]

@@ -1,0 +1,75 @@
+"""What a map holds, in numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from mlscli.maps.stored_map import StoredMap, head_of, parts_of
+from mlscli.maps.surface_map import ORIGINS, SurfaceMap
+
+
+def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
+    """Return patches by origin, levels, extents and area of a map, ready for JSON.
+
+    Returns
+    -------
+    dict
+        ``patches``: the total, by origin, and how many are vertical; ``cells``: how many are
+        occupied; ``levels``: how many cells hold 1, 2, ... patches; ``extent``: lower and upper
+        bounds of x, y (edges of cells) and z, None for an empty map; ``area``: of the occupied
+        cells, in the square of the unit; ``regions``: how many have a number; ``keyframes``: rows
+        of the route; and the map's ``cell_size``, ``gap_size``, ``thickness`` and ``frame_id``.
+    """
+    head = head_of(surface)
+    counted = dict.fromkeys(("total", *ORIGINS, "vertical"), 0)
+    levels: Counter[int] = Counter()
+    extents = []
+    regions = 0
+    for part in parts_of(surface):
+        counted["total"] += part.size
+        for origin, name in enumerate(ORIGINS):
+            counted[name] += int(np.count_nonzero(part.origin == origin))
+        counted["vertical"] += int(np.count_nonzero(part.depth > 0))
+        for level, count in enumerate(np.bincount(np.diff(part.cells.start)).tolist()):
+            levels[level] += count
+        extents += _extent(part)
+        regions = max(regions, int(part.region.max(initial=-1)) + 1)
+    cells = sum(levels.values())
+    return {
+        "patches": counted,
+        "cells": cells,
+        "levels": {str(n): count for n, count in sorted(levels.items()) if n and count},
+        "extent": _hull(extents),
+        "area": cells * head.cell_size**2,
+        "regions": regions,
+        "cell_size": head.cell_size,
+        "gap_size": head.gap_size,
+        "thickness": head.thickness,
+        "frame_id": head.frame_id,
+        "keyframes": len(head.route),
+    }
+
+
+def _extent(surface: SurfaceMap) -> list[tuple[list[float], list[float]]]:
+    """Return the least and the greatest x, y and z; nothing for an empty map."""
+    if not surface.size:
+        return []
+    size = surface.cell_size
+    low = [surface.ix.min() * size, surface.iy.min() * size, surface.low_end.min()]
+    high = [
+        (surface.ix.max() + 1.0) * size,
+        (surface.iy.max() + 1.0) * size,
+        surface.height.max(),
+    ]
+    return [([float(end) for end in low], [float(end) for end in high])]
+
+
+def _hull(extents: list[tuple[list[float], list[float]]]) -> dict[str, list[float]] | None:
+    if not extents:
+        return None
+    lows, highs = zip(*extents, strict=True)
+    ends = zip(zip(*lows, strict=True), zip(*highs, strict=True), strict=True)
+    return {axis: [min(low), max(high)] for axis, (low, high) in zip("xyz", ends, strict=True)}

@@ -1,0 +1,362 @@
+"""The multi-level surface map: columns of patches, sorted by cell and height.
+
+The model is that of R. Triebel, P. Pfaff and W. Burgard, *Multi-Level Surface Maps for Outdoor
+Terrain Mapping and Loop Closing*, IROS 2006 (doi:10.1109/IROS.2006.282632), with patches made by
+single linkage and told horizontal or vertical by their spread.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mlscli.errors import InputError, UsageError
+from mlscli.maps.cells import CellSet, Limits
+from mlscli.maps.order import Columns, Keys, ascend, bare, come_before, interleave, pick
+from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt8, UInt32
+from mlscli.runtime.threads import LIGHT, in_ranges
+
+MEASURED, PLASTERED, ARTIFICIAL = 0, 1, 2
+ORIGINS = ("measured", "plastered", "artificial")
+
+COLUMNS: Mapping[str, np.dtype[Any]] = {
+    "ix": np.dtype(np.int32),
+    "iy": np.dtype(np.int32),
+    "height": np.dtype(np.float64),
+    "depth": np.dtype(np.float64),
+    "top": np.dtype(np.float64),
+    "bottom": np.dtype(np.float64),
+    "mean": np.dtype(np.float64),
+    "variance": np.dtype(np.float64),
+    "count": np.dtype(np.uint32),
+    "origin": np.dtype(np.uint8),
+    "region": np.dtype(np.int32),
+    "first_keyframe": np.dtype(np.int32),
+    "last_keyframe": np.dtype(np.int32),
+}
+STATISTICS = ("top", "bottom", "mean", "variance")
+
+
+def new_columns(size: int) -> dict[str, Any]:
+    """Return columns of so many patches, yet to be filled.
+
+    They share one block of memory: the system gives a large one out faster than many small ones.
+    """
+    # Whole cache lines: each column begins where any number may begin.
+    bytes_of = {name: -(-dtype.itemsize * size // 64) * 64 for name, dtype in COLUMNS.items()}
+    block, end = np.empty(sum(bytes_of.values()), dtype=np.uint8), 0
+    columns = {}
+    for name, dtype in COLUMNS.items():
+        begin, end = end, end + bytes_of[name]
+        columns[name] = block[begin:end].view(dtype)[:size]
+    return columns
+
+
+def _no_route() -> Float64:
+    return np.empty((0, 4))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SurfaceMap:
+    """A sparse grid of surface patches; immutable in use.
+
+    Patches are sorted by (ix, iy, height, depth, origin, count).
+
+    Attributes
+    ----------
+    cell_size, gap_size, thickness : float
+        Side of a cell; heights farther apart are different patches; a patch with a greater
+        spread is vertical. In the unit of the recording.
+    ix, iy : int32 (P,)
+        Cell indices.
+    height, depth : float64 (P,)
+        Upper end of a patch and its extent below; ``depth > 0`` means vertical.
+    top, bottom, mean, variance : float64 (P,)
+        Of the measured heights; NaN where the patch was inserted.
+    count : uint32 (P,)
+        Measured points; 0 where inserted.
+    origin : uint8 (P,)
+        0 measured, 1 plastered, 2 artificial.
+    region : int32 (P,)
+        Number of the connected surface; -1 where the regions stage did not run.
+    first_keyframe, last_keyframe : int32 (P,)
+        Rows of `route` that first and last measured the patch; -1 where inserted.
+    frame_id : str
+        Name of the map frame.
+    route : float64 (K, 4)
+        Time, x, y, z of the craft, a row for each keyframe; NaN where not known.
+    meta : dict
+        What made the map: program version, sources, parameters, counts.
+    """
+
+    cell_size: float
+    gap_size: float
+    thickness: float
+    ix: Int32
+    iy: Int32
+    height: Float64
+    depth: Float64
+    top: Float64
+    bottom: Float64
+    mean: Float64
+    variance: Float64
+    count: UInt32
+    origin: UInt8
+    region: Int32
+    first_keyframe: Int32
+    last_keyframe: Int32
+    frame_id: str = "map"
+    route: Float64 = field(default_factory=_no_route)
+    meta: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def empty(cls, cell_size: float, gap_size: float, thickness: float) -> SurfaceMap:
+        """Return a map without patches."""
+        columns: dict[str, Any] = {name: np.empty(0, dtype) for name, dtype in COLUMNS.items()}
+        return cls(cell_size, gap_size, thickness, **columns)
+
+    @property
+    def size(self) -> int:
+        """How many patches there are."""
+        return len(self.ix)
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """The columns by name, in the file's order."""
+        return {name: getattr(self, name) for name in COLUMNS}
+
+    @property
+    def low_end(self) -> Float64:
+        """Lower end of each patch, ``height - depth``; stages see [low end, height]."""
+        return self.height - self.depth
+
+    @cached_property
+    def cells(self) -> Columns:
+        """The occupied cells and where their patches begin."""
+        return Columns.of(self.ix, self.iy)
+
+    @property
+    def keys(self) -> Keys:
+        """The columns by which patches are sorted."""
+        return Keys(self.ix, self.iy, self.height, self.depth, self.origin, self.count)
+
+    # --- parts of a map, and maps put together ---
+
+    def with_columns(self, **columns: Any) -> SurfaceMap:
+        """Return the map with some columns replaced, sorted anew."""
+        return replace(self, **columns).sorted()
+
+    def take(self, which: Bool | Int64) -> SurfaceMap:
+        """Return the patches that a mask or ascending indices choose."""
+        if which.dtype == np.bool_ and which.all():
+            return self
+        chosen: Any = np.flatnonzero(which) if which.dtype == np.bool_ else which
+
+        def choose(name: str, taken: Array) -> None:
+            pick(bare(getattr(self, name)), chosen, bare(taken))
+
+        return self._with_new_columns(len(chosen), choose)
+
+    def sorted(self) -> SurfaceMap:
+        """Return the same patches in the file's order."""
+        if self._is_sorted():
+            return self
+        return self.take(np.lexsort(self.keys[::-1]))
+
+    def union(self, other: SurfaceMap) -> SurfaceMap:
+        """Return the patches of both, side by side: nothing is merged."""
+        mine, others = self.sorted(), other.sorted()
+        if not others.size:
+            return mine
+        before = come_before(mine.keys, others.keys)
+
+        def put_together(name: str, both: Array) -> None:
+            one, two = getattr(mine, name), getattr(others, name)
+            interleave(bare(one), bare(two), before, bare(both))
+
+        return self._with_new_columns(mine.size + others.size, put_together)
+
+    def _with_new_columns(self, size: int, fill: Callable[[str, Array], None]) -> SurfaceMap:
+        """Return a map of so many patches, each column filled by name, in several threads."""
+        new, names = new_columns(size), list(COLUMNS)
+
+        def fill_some(begin: int, end: int) -> None:
+            for name in names[begin:end]:
+                fill(name, new[name])
+
+        in_ranges(len(names), fill_some, weight=LIGHT * size)
+        return replace(self, **new)
+
+    def with_inserted(
+        self, ix: Int32, iy: Int32, height: Float64, depth: Float64, origin: UInt8
+    ) -> SurfaceMap:
+        """Return the map with patches that nobody measured put in."""
+        if not len(ix):
+            return self
+        unmeasured = np.full(len(ix), -1, dtype=np.int32)
+        unknown: dict[str, Any] = {name: np.full(len(ix), np.nan) for name in STATISTICS}
+        inserted = replace(
+            self,
+            ix=ix,
+            iy=iy,
+            height=height,
+            depth=depth,
+            count=np.zeros(len(ix), dtype=np.uint32),
+            origin=origin,
+            region=unmeasured,
+            first_keyframe=unmeasured,
+            last_keyframe=unmeasured,
+            **unknown,
+        )
+        return self.union(inserted)
+
+    def crop(
+        self,
+        min_x: int | None = None,
+        max_x: int | None = None,
+        min_y: int | None = None,
+        max_y: int | None = None,
+    ) -> SurfaceMap:
+        """Return the patches whose cell indices lie within the limits, inclusive."""
+        return self.take(Limits(min_x, max_x, min_y, max_y).contain(self.ix, self.iy))
+
+    def in_cells(self, cells: CellSet) -> SurfaceMap:
+        """Return the patches in the cells of a set."""
+        return self.take(cells.contains(self.ix, self.iy))
+
+    def replace(self, cells: CellSet, other: SurfaceMap) -> SurfaceMap:
+        """Return the map with the patches in `cells` replaced by those that `other` has there."""
+        self._require_same_grid(other)
+        outside = self.take(~cells.contains(self.ix, self.iy))
+        return outside.union(other.in_cells(cells))
+
+    def merge(self, other: SurfaceMap) -> SurfaceMap:
+        """Return the map of both: as if the other's recording had followed this one's.
+
+        Measured groups whose [bottom, top] come within `gap_size` become one (statistics by
+        Chan's formula); the others stay as they are. Inserted patches within `gap_size` of what
+        the other map measured go; of two inserted ones that meet, one from each map, the higher
+        stays. The other's keyframes are numbered on from this map's route, and regions are
+        numbered no more (-1).
+
+        Raises
+        ------
+        UsageError
+            Where cell size, gap size or thickness differ.
+        """
+        from mlscli.maps.merging import merge_maps
+
+        self._require_same_grid(other)
+        return merge_maps(self, other)
+
+    def _require_same_grid(self, other: SurfaceMap) -> None:
+        for name in ("cell_size", "gap_size", "thickness"):
+            mine, others = getattr(self, name), getattr(other, name)
+            if mine != others:
+                raise UsageError(
+                    f"maps of different {name} do not go together: {mine!r} and {others!r}"
+                )
+
+    # --- equality and invariants ---
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether all but route and meta is the same, bit for bit."""
+        if not isinstance(other, SurfaceMap):
+            return NotImplemented
+        return (
+            (self.cell_size, self.gap_size, self.thickness, self.frame_id)
+            == (other.cell_size, other.gap_size, other.thickness, other.frame_id)
+            and self.size == other.size
+            and all(
+                mine.tobytes() == others.tobytes()
+                for mine, others in zip(self.columns.values(), other.columns.values(), strict=True)
+            )
+        )
+
+    def __repr__(self) -> str:
+        """Say how much there is, not what: maps are large."""
+        return (
+            f"SurfaceMap(patches={self.size}, cells={len(self.cells.ix)}, "
+            f"cell_size={self.cell_size!r}, gap_size={self.gap_size!r}, frame_id={self.frame_id!r})"
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def check(self) -> None:
+        """Check every invariant of the model.
+
+        Raises
+        ------
+        InputError
+            Naming the first array at fault and what is wrong with it.
+        """
+        for fault in self._faults():
+            raise InputError(fault)
+
+    def _faults(self) -> Iterator[str]:
+        for name in ("cell_size", "gap_size", "thickness"):
+            value = getattr(self, name)
+            least = "above 0" if name == "cell_size" else "0 or more"
+            if not math.isfinite(value) or value < 0 or (name == "cell_size" and value == 0):
+                yield f"{name}: is {value!r}; it must be {least}"
+        yield from self._form_faults()
+        yield from self._value_faults()
+        if not self._is_sorted():
+            yield "ix, iy, height: patches are not sorted by (ix, iy, height, depth, origin, count)"
+
+    def _form_faults(self) -> Iterator[str]:
+        for name, dtype in COLUMNS.items():
+            column = getattr(self, name)
+            if column.dtype != dtype:
+                yield f"{name}: has dtype {column.dtype}; it must be {dtype}"
+            if column.shape != (self.size,):
+                yield f"{name}: has shape {column.shape}; it must be ({self.size},), as ix"
+        if self.route.dtype != np.float64:
+            yield f"route: has dtype {self.route.dtype}; it must be float64"
+        if self.route.ndim != 2 or self.route.shape[1] != 4:
+            yield f"route: has shape {self.route.shape}; it must be (K, 4)"
+
+    def _value_faults(self) -> Iterator[str]:
+        measured = self.origin == MEASURED
+        if np.any(self.origin > ARTIFICIAL):
+            yield f"origin: holds {self.origin.max()}; it must be 0, 1 or 2"
+        for name in ("height", "depth"):
+            if not np.isfinite(getattr(self, name)).all():
+                yield f"{name}: is not finite everywhere"
+        if np.any(self.depth < 0):
+            yield f"depth: holds {self.depth.min()!r}; it must be 0 or more"
+        for name in STATISTICS:
+            column = getattr(self, name)
+            if not np.isfinite(column[measured]).all():
+                yield f"{name}: is not finite for every measured patch"
+            if not np.isnan(column[~measured]).all():
+                yield f"{name}: is not NaN for every inserted patch"
+        if np.any((self.count > 0) != measured):
+            yield "count: must be 0 for inserted patches and above 0 for measured ones"
+        bottom, mean, top = self.bottom[measured], self.mean[measured], self.top[measured]
+        if np.any((bottom > mean) | (mean > top)):
+            yield "mean: does not lie between bottom and top everywhere"
+        if np.any(self.variance[measured] < 0):
+            yield "variance: holds values below 0"
+        if np.any(self.region < -1):
+            yield f"region: holds {self.region.min()}; it must be -1 or more"
+        yield from self._keyframe_faults(measured)
+
+    def _keyframe_faults(self, measured: Bool) -> Iterator[str]:
+        first, last, keyframes = self.first_keyframe, self.last_keyframe, len(self.route)
+        for name, column in (("first_keyframe", first), ("last_keyframe", last)):
+            if np.any(column[~measured] != -1):
+                yield f"{name}: must be -1 for inserted patches"
+            if np.any((column[measured] < 0) | (column[measured] >= keyframes)):
+                yield f"{name}: does not name a row of route ({keyframes} rows) everywhere"
+        if np.any(first > last):
+            yield "first_keyframe: comes after last_keyframe somewhere"
+
+    def _is_sorted(self) -> bool:
+        """Tell whether each patch comes after the one before it, by the first key that differs."""
+        return bool(ascend(self.keys))

@@ -1,0 +1,168 @@
+"""What grows, kept in tiles, so that an area costs what the area costs.
+
+Points and patches are kept alike: as rows of 8-byte words, of which the first is the packed key of
+the cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import reduce
+
+import numpy as np
+
+from mlscli.maps.cells import CellSet
+from mlscli.maps.patches import runs
+from mlscli.maps.row_tile import HIGH, Tile, summed, tile_of
+from mlscli.maps.rows import merged, starts
+from mlscli.maps.strips import SHIFT, SIDE, Strips
+from mlscli.runtime.arrays import Int64, UInt64
+from mlscli.runtime.kernels import kernel
+
+# What so many tiles hold is sorted, not merged one by one.
+_MANY = 8
+
+
+class Tiles:
+    """Rows by cell; those of one cell stay in their order.
+
+    No call touches more tiles than it names cells in.
+
+    Parameters
+    ----------
+    words : int
+        The length of a row.
+    """
+
+    def __init__(self, words: int) -> None:
+        self._words = words
+        self._tiles: dict[int, Tile] = {}
+        # How many strips these list.
+        self._there = 0
+
+    def extract(self, cells: CellSet) -> UInt64:
+        """Return the rows in `cells`, ascending by cell."""
+        return self._rows(self._strips(cells))
+
+    def put(self, cells: CellSet, new: UInt64) -> None:
+        """Replace the rows in `cells` by those of `new` that lie in them; see `update`."""
+        self._replace(cells, new, told=False)
+
+    def update(self, cells: CellSet, new: UInt64) -> tuple[UInt64, UInt64]:
+        """Replace the rows in `cells` by those of `new` that lie in them, and tell what differs.
+
+        Each row of a cell is compared with all that it had: cells should have few.
+
+        Parameters
+        ----------
+        cells : CellSet
+        new : uint64 (N, words)
+            Ascending by cell.
+
+        Returns
+        -------
+        removed, added : uint64 (., words)
+            Rows that a cell had and has no more, and rows that it has only now; ascending by cell.
+        """
+        return self._replace(cells, new, told=True)
+
+    def _replace(self, cells: CellSet, new: UInt64, told: bool) -> tuple[UInt64, UInt64]:
+        strips = self._strips(cells, new)
+        start = starts(new, strips.number)
+        removed, added = [], []
+        for number, own in _by_tile(strips):
+            tile = self._tiles.get(number) or Tile(number, self._words)
+            mine, its_new = _take(strips, own), start if own is None else start[own]
+            unlisted, to_come = tile.to_come(mine, its_new)
+            if tile.empty and not to_come:
+                continue
+            self._tiles[number] = tile
+            self._there -= tile.listed
+            tile.make_room(unlisted, to_come)
+            gone, came = tile.replace(mine, new, its_new, to_come, told)
+            removed.append(gone)
+            added.append(came)
+            if tile.empty:
+                del self._tiles[number]
+            else:
+                self._there += tile.listed
+        return self._together(removed), self._together(added)
+
+    def whole(self) -> UInt64:
+        """Return all rows, ascending by cell."""
+        numbers = self._listed()
+        return self._rows(Strips(numbers, np.full_like(numbers, 2**SIDE - 1)))
+
+    def _rows(self, strips: Strips) -> UInt64:
+        """Return the rows in a set of cells, ascending by cell."""
+        there = [(self._tiles[n], own) for n, own in _by_tile(strips) if n in self._tiles]
+        if len(there) < _MANY:
+            return self._fetched([tile for tile, _ in there], strips)
+        return self._together([self._fetched([tile], _take(strips, own)) for tile, own in there])
+
+    def _fetched(self, tiles: list[Tile], strips: Strips) -> UInt64:
+        start = np.zeros(len(strips.number) + 1, dtype=np.int64)
+        for tile in tiles:
+            tile.count(strips, start)
+        rows = np.empty((summed(start), self._words), dtype=np.uint64)
+        for tile in tiles:
+            tile.fetch(strips, start, rows)
+        return rows
+
+    def _strips(self, cells: CellSet, new: UInt64 | None = None) -> Strips:
+        """Return a set by strips, if only by those that there are where these are the fewer."""
+        # To go through those that there are costs more, cell by cell.
+        strips = cells.strips(most=SIDE * self._there)
+        if strips is None:
+            listed = [self._listed()]
+            if new is not None:
+                listed.append(new[:, 0] >> np.uint64(SHIFT))
+            strips = cells.strips_among(np.unique(np.concatenate(listed)))
+        return strips
+
+    def _listed(self) -> UInt64:
+        """Return the numbers of all strips in which there can be rows, ascending."""
+        numbers = [np.empty(0, dtype=np.uint64)]
+        numbers += [tile.strips() for tile in self._tiles.values()]
+        return np.sort(np.concatenate(numbers))
+
+    def _together(self, parts: list[UInt64]) -> UInt64:
+        if len(parts) < _MANY:
+            return reduce(merged, parts) if parts else np.empty((0, self._words), dtype=np.uint64)
+        rows = np.concatenate(parts)
+        return rows[np.argsort(rows[:, 0], kind="stable")]
+
+
+def _take(strips: Strips, own: Int64 | None) -> Strips:
+    return strips if own is None else Strips(strips.number[own], strips.bits[own])
+
+
+def _by_tile(strips: Strips) -> Iterator[tuple[int, Int64 | None]]:
+    """Yield the numbers of the tiles in which strips lie, and where theirs are among these.
+
+    Where tiles are few they are told of all (None): it costs less to pass over those of others.
+    """
+    numbers = dict.fromkeys(_tiles_of(strips.number).tolist())
+    if len(numbers) < _MANY:
+        yield from numbers.items()
+        return
+    tiles = tile_of(strips.number)
+    order = np.argsort(tiles, kind="stable")
+    start = runs(tiles[order])
+    yield from zip(tiles[order[start[:-1]]].tolist(), np.split(order, start[1:-1]), strict=True)
+
+
+@kernel
+def _tiles_of(strips: UInt64) -> UInt64:
+    numbers = np.empty_like(strips)
+    size = 0
+    for strip in strips:
+        number = tile_of(strip)
+        # Most strips lie in a tile of one of those before.
+        known = False
+        for other in numbers[max(0, size - HIGH - 2) : size]:
+            known |= other == number
+        if not known:
+            numbers[size] = number
+            size += 1
+    return numbers[:size]

@@ -1,0 +1,56 @@
+"""How a finished map grew: what it would show of itself at every keyframe of the flight.
+
+A measured patch appears with its first keyframe. An inserted one appears with the last of the
+measured patches nearest to it, as these are what it was derived from. Nothing is recorded for
+this: it is the finished map, uncovered bit by bit, and not the map as it was at the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlscli.maps.change import Change
+from mlscli.maps.surface_map import MEASURED, SurfaceMap
+from mlscli.runtime.arrays import Float64, Int32
+
+# An inserted patch lies between patches along x, along y, or both.
+NEAREST = 4
+
+
+def patch_places(surface: SurfaceMap) -> Float64:
+    """Return the centre of each patch's cell at the patch's height, float64 (P, 3)."""
+    centre = (np.column_stack((surface.ix, surface.iy)) + 0.5) * surface.cell_size
+    return np.column_stack((centre, surface.height))
+
+
+def appearing(surface: SurfaceMap) -> Int32:
+    """Return the keyframe with which each patch appears, int32 (P,), a row of the route."""
+    when = surface.first_keyframe.copy()
+    measured = surface.origin == MEASURED
+    inserted = np.flatnonzero(~measured)
+    if not len(inserted) or not measured.any():
+        return np.maximum(when, 0)
+
+    from scipy.spatial import cKDTree
+
+    place = patch_places(surface)
+    ranks = np.arange(1, min(NEAREST, int(measured.sum())) + 1)
+    _, near = cKDTree(place[measured]).query(place[inserted], k=ranks)
+    when[inserted] = when[measured][near].max(axis=1)
+    return when
+
+
+def growth(surface: SurfaceMap) -> Iterator[Change]:
+    """Yield the patches that appear with each keyframe that any appear with.
+
+    And the route from the keyframe after the one before to this.
+    """
+    when = appearing(surface)
+    nothing = surface.take(np.zeros(surface.size, dtype=np.bool_))
+    told = 0
+    for keyframe in np.unique(when).tolist():
+        route = surface.route[told : keyframe + 1]
+        yield Change.of(nothing, surface.take(when == keyframe), route)
+        told = keyframe + 1

@@ -1,0 +1,1 @@
+"""Parameters: lengths, and fields that know their unit, range and meaning."""

@@ -1,0 +1,234 @@
+"""What a parameter takes: its kinds of value and its range, from the dataclass's own fields."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import MISSING, dataclass, field, fields
+from inspect import get_annotations
+from numbers import Integral, Real
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from mlscli.errors import shorten
+from mlscli.parameters.lengths import Cells
+
+# Beyond it, a float64 and a reader of JSON no longer tell whole numbers apart.
+MAX_INTEGER = 2**53
+_CELLS = re.compile(r"([-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?)\s+cells?")
+_FIELDS: dict[type, dict[str, Field]] = {}
+
+
+# Stands for a value at fault. It compares with nothing, so that no conclusion is drawn from it.
+UNKNOWN: Any = object()
+
+
+def parameter(
+    default: Any,
+    help: str,  # noqa: A002
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    default_from: str | None = None,
+) -> Any:
+    """Declare a field of a parameter dataclass; the configuration's schema follows from it.
+
+    Parameters
+    ----------
+    default
+        The value where none is given.
+    help
+        What it does, in one line, with its unit.
+    low, high
+        The least and the greatest value allowed, inclusive (of a length: its number).
+    above
+        A bound that the value must exceed.
+    default_from
+        The parameter that a configuration takes the value from where none is given, such as
+        ``vehicle.width``.
+    """
+    metadata = {
+        "help": help,
+        "low": low,
+        "high": high,
+        "above": above,
+        "default_from": default_from,
+    }
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A parameter as its dataclass declares it.
+
+    Attributes
+    ----------
+    name, help
+        What it is called and what it does.
+    kinds : frozenset of type
+        The types of value allowed, of bool, int, float, Cells and NoneType.
+    words : tuple of str
+        The words allowed.
+    default : object
+        The value where none is given.
+    default_from : str or None
+        The parameter that the value is taken from instead.
+    low, high, above : float or None
+        The range.
+    """
+
+    name: str
+    help: str
+    kinds: frozenset[type]
+    words: tuple[str, ...]
+    default: Any
+    default_from: str | None
+    low: float | None
+    high: float | None
+    above: float | None
+
+    @property
+    def accepts(self) -> str:
+        """What would be right, in words."""
+        limits = []
+        if self.above is not None:
+            limits.append(f"above {self.above:g}")
+        if self.low is not None:
+            limits.append(f"of at least {self.low:g}")
+        if self.high is not None:
+            limits.append(f"of at most {self.high:g}")
+        kinds = list(self.words)
+        if bool in self.kinds:
+            kinds += ["true", "false"]
+        if int in self.kinds:
+            kinds.append(" ".join(["a whole number", *limits]))
+        elif Cells in self.kinds:
+            kinds.append(" ".join(["a length", *limits]) + ", as a number or N cells,")
+        elif float in self.kinds:
+            kinds.append(" ".join(["a number", *limits]))
+        if type(None) in self.kinds:
+            kinds.append("null")
+        return " or ".join(kinds).removesuffix(",")
+
+    def convert(self, value: object) -> Any:
+        """Return what a value from YAML means here.
+
+        Raises
+        ------
+        ValueError
+            Where it is of the wrong kind or out of range; says what was found and is right.
+        """
+        if isinstance(value, str) and Cells in self.kinds:
+            match = _CELLS.fullmatch(value.strip())
+            value = Cells(float(match[1]) + 0.0) if match else value
+        elif float in self.kinds and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value) if abs(value) < 10**300 else math.inf
+        elif isinstance(value, float):
+            value += 0.0
+        self.check(value)
+        return value
+
+    def check(self, value: object) -> None:
+        """Refuse a value of the wrong kind or out of range, as `convert` does."""
+        if not self.allows(value):
+            length = isinstance(value, Cells) or (type(value) is float and float in self.kinds)
+            found = write_value(value) if length else describe_value(value)
+            raise ValueError(f"found {found}; expected {self.accepts}")
+
+    def allows(self, value: object) -> bool:
+        """Tell whether a value is of a kind allowed, and in range."""
+        if value is None or isinstance(value, bool):
+            return type(value) in self.kinds
+        if isinstance(value, str):
+            return value in self.words
+        if isinstance(value, Cells):
+            return Cells in self.kinds and self._in_range(value.count)
+        if isinstance(value, Integral):
+            return not self.kinds.isdisjoint({int, float}) and self._in_range(int(value))
+        return isinstance(value, Real) and float in self.kinds and self._in_range(float(value))
+
+    def _in_range(self, number: float) -> bool:
+        return (
+            math.isfinite(number)
+            and (int not in self.kinds or abs(number) <= MAX_INTEGER)
+            and (self.above is None or number > self.above)
+            and (self.low is None or number >= self.low)
+            and (self.high is None or number <= self.high)
+        )
+
+
+def fields_of(owner: type) -> dict[str, Field]:
+    """Return the parameters of a dataclass by name, its own before those that it inherits."""
+    if owner not in _FIELDS:
+        _FIELDS[owner] = _declared(owner)
+    return _FIELDS[owner]
+
+
+def _declared(owner: type) -> dict[str, Field]:
+    hints = get_type_hints(owner)
+
+    def generation(name: str) -> int:
+        return next(n for n, base in enumerate(owner.__mro__) if name in get_annotations(base))
+
+    return {
+        item.name: _field(item.name, item.default, hints[item.name], item.metadata)
+        for item in sorted(fields(owner), key=lambda item: generation(item.name))
+        if "help" in item.metadata
+    }
+
+
+def _field(name: str, default: Any, hint: Any, metadata: Any) -> Field:
+    alternatives = (hint,) if get_origin(hint) is Literal else get_args(hint) or (hint,)
+    words: list[str] = []
+    kinds: set[type] = set()
+    for alternative in alternatives:
+        if get_origin(alternative) is Literal:
+            words += get_args(alternative)
+        else:
+            kinds.add(alternative)
+    return Field(
+        name=name,
+        kinds=frozenset(kinds),
+        words=tuple(words),
+        default=None if default is MISSING else default,
+        **metadata,
+    )
+
+
+def write_value(value: object) -> str:
+    """Write a value as YAML that reads back as the same value."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Cells):
+        return f"{_number(value.count)} {'cell' if value.count == 1 else 'cells'}"
+    return _number(value) if isinstance(value, Real) else str(value)
+
+
+def json_value(value: object) -> Any:
+    """Return a value as JSON can hold it: lengths as numbers or ``N cells``."""
+    if isinstance(value, Cells):
+        return write_value(value)
+    if isinstance(value, Real) and not isinstance(value, bool):
+        return int(value) if isinstance(value, Integral) else float(value)
+    return value
+
+
+def _number(value: Real | float) -> str:
+    if isinstance(value, Integral):
+        return str(int(value))
+    number = float(value)
+    whole = number.is_integer() and abs(number) < MAX_INTEGER
+    return str(int(number)) if whole else repr(number)
+
+
+def describe_value(value: object) -> str:
+    """Say in a few words what a single value is, in one line however long it is."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return shorten(repr(value))
+    return shorten(str(value))

@@ -1,0 +1,272 @@
+"""Gaps between patches along x and y, and the patches that close them.
+
+Plaster closes gaps between heights, walls gaps between vertical intervals; a height is an
+interval without extent, so that one search serves both. It runs along lines of cells: the columns
+of the grid first, then, with x and y swapped, its rows. Both directions read the same input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.maps.neighbours import links
+from mlscli.maps.order import Columns
+from mlscli.maps.patches import distance
+from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED
+from mlscli.parameters.fields import parameter
+from mlscli.parameters.lengths import Cells, Length, comparable, in_units, whole_cells
+from mlscli.pipeline.stages.inserted import Inserted
+from mlscli.pipeline.stages.stage import Fault, MapStage
+from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.threads import LIGHT, in_ranges
+
+
+@dataclass(frozen=True)
+class GapStage(MapStage):
+    """A stage that closes gaps in two passes: up to `max_gap`, then up to `max_gap_enhanced`."""
+
+    max_gap: Length = parameter(
+        Cells(1),
+        "widest gap that is surely closed; its patches are plastered",
+        low=0,
+        default_from="vehicle.width",
+    )
+    max_gap_enhanced: Length = parameter(
+        Cells(5),
+        "widest gap that is closed at all; patches in gaps wider than max_gap are artificial; "
+        "0: no second pass",
+        low=0,
+    )
+
+    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:
+        """Yield a fault where the second pass would close less than the first."""
+        yield from super().faults(cell_size, gap_size)
+        widths = self.max_gap, self.max_gap_enhanced
+        if in_units(self.max_gap_enhanced, 1.0) == 0 or (
+            cell_size is None and not comparable(*widths)
+        ):
+            return
+        first, second = (in_units(width, cell_size or 1.0) for width in widths)
+        if second < first:
+            yield Fault(
+                "max_gap_enhanced",
+                f"{self.max_gap_enhanced} is less than max_gap ({self.max_gap}); at least that, "
+                "or 0 for none",
+            )
+
+    def reach(self, cell_size: float) -> int:
+        """Return the widths of both passes in whole cells."""
+        return whole_cells(self.max_gap, cell_size) + whole_cells(self.max_gap_enhanced, cell_size)
+
+    def passes(self) -> Iterator[Widths]:
+        """Yield the widths of pass one, and of pass two where there is one."""
+        yield Widths(self.max_gap, self.max_gap)
+        if in_units(self.max_gap_enhanced, 1.0) > 0:
+            yield Widths(self.max_gap, self.max_gap_enhanced)
+
+
+class Intervals(NamedTuple):
+    """What gaps are sought between: vertical intervals in cells, in the file's order."""
+
+    cells: Columns
+    low: Float64
+    high: Float64
+
+
+class Widths(NamedTuple):
+    """The gaps that a pass closes.
+
+    Attributes
+    ----------
+    certain : Length
+        Patches in gaps at most so wide are plastered, in wider ones artificial.
+    allowed : Length
+        Wider gaps stay open.
+    """
+
+    certain: Length
+    allowed: Length
+
+
+class Tolerance(NamedTuple):
+    """How far apart two ends of a gap of d - 1 cells may be in height.
+
+    ``slope * min(d, trusted) * cell_size + clearance``, d cells from each other.
+
+    Attributes
+    ----------
+    cell_size : float
+    slope : float
+    clearance : float
+    trusted : float
+        The number of cells beyond which the slope counts no more.
+    """
+
+    cell_size: float
+    slope: float
+    clearance: float = 0.0
+    trusted: float = np.inf
+
+
+class _Lines(NamedTuple):
+    """Cells along lines: the line and the place of each, the next and the one before (-1: none)."""
+
+    line: Int32
+    position: Int32
+    after: Int32
+    before: Int32
+
+
+def close_gaps(intervals: Intervals, widths: Widths, tolerance: Tolerance) -> Inserted:
+    """Return what closes the gaps along x and along y.
+
+    From each interval one looks along a line at distances d = 1, 2, ... cells. Those there that
+    are near enough in height are candidates; the first d with one decides, and of several the
+    one at the least distance, then with the least difference of upper ends, then the higher. A gap
+    is closed where both of its ends find each other so.
+    """
+    ix, iy, _ = intervals.cells
+    certain, allowed = (whole_cells(width, tolerance.cell_size) for width in widths)
+    along_y, along_x = (
+        _close_along(lines, intervals, certain, allowed, tolerance)
+        for lines in (_Lines(ix, iy, *links(ix)), _Lines(iy, ix, *links(iy)))
+    )
+    return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
+
+
+def _close_along(
+    lines: _Lines, intervals: Intervals, certain: int, allowed: int, tolerance: Tolerance
+) -> Inserted:
+    ends = intervals.cells.start, intervals.low, intervals.high
+
+    def seek(begin: int, end: int) -> Int64:
+        pairs: Int64 = _pairs(begin, end, lines, *ends, allowed + 1, tolerance)
+        return pairs
+
+    pairs = np.concatenate(in_ranges(len(lines.line), seek, weight=LIGHT))
+    in_line, at, height, low_end, width = _fill(pairs, lines, *ends[1:])
+    origin = np.where(width <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8)
+    return Inserted(in_line, at, height, height - low_end, origin)
+
+
+@kernel
+def _pairs(
+    begin: int,
+    end: int,
+    lines: _Lines,
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    farthest: int,
+    tolerance: Tolerance,
+) -> Int64:
+    """Return the gaps that begin in cells `begin` to `end`: cell and interval of either end."""
+    position, after, before = lines.position, lines.after, lines.before
+    pairs = np.empty((start[end] - start[begin], 4), dtype=np.int64)
+    n = 0
+    step = _limit(tolerance, 1)
+    for cell in range(begin, end):
+        there = after[cell]
+        if there < 0 or position[there] - position[cell] > farthest:
+            continue
+        beside = range(start[there], start[there + 1])
+        if position[there] - position[cell] > 1:
+            beside = range(0)
+        for near in range(start[cell], start[cell + 1]):
+            # Mostly the next cell has a candidate: no gap, which is told without a search.
+            gap = True
+            for j in beside:
+                gap &= distance(low[near], high[near], low[j], high[j]) > step
+            if not gap:
+                continue
+            there, far = _opposite(
+                cell, near, after, position, start, low, high, farthest, tolerance
+            )
+            if far < 0:
+                continue
+            _, back = _opposite(there, far, before, position, start, low, high, farthest, tolerance)
+            if back == near:
+                pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3] = cell, near, there, far
+                n += 1
+    return pairs[:n].copy()
+
+
+@inner
+def _limit(tolerance: Tolerance, d: int) -> float:
+    """Return how far apart two intervals may be, d cells from each other."""
+    reach = min(d, tolerance.trusted)
+    return tolerance.slope * reach * tolerance.cell_size + tolerance.clearance
+
+
+@inner
+def _opposite(
+    cell: int,
+    i: int,
+    following: Int32,
+    position: Int32,
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    farthest: int,
+    tolerance: Tolerance,
+) -> tuple[int, int]:
+    """Return the interval that interval i of a cell finds along its line, after its cell; -1: none.
+
+    The cells of a line follow each other as `following` tells, in either direction.
+    """
+    there = following[cell]
+    while there >= 0:
+        d = abs(position[there] - position[cell])
+        if d > farthest:
+            break
+        limit = _limit(tolerance, d)
+        found, least, least_tops = -1, np.inf, np.inf
+        for j in range(start[there], start[there + 1]):
+            apart = distance(low[i], high[i], low[j], high[j])
+            if apart > limit or apart > least:
+                continue
+            tops = abs(high[j] - high[i])
+            # Upper ends ascend in a cell; of equal ones the first is the shortest.
+            higher = tops == least_tops and high[j] > high[found]
+            if apart < least or tops < least_tops or higher:
+                found, least, least_tops = j, apart, tops
+        if found >= 0:
+            return there, found
+        there = following[there]
+    return -1, -1
+
+
+@kernel
+def _fill(
+    pairs: Int64, lines: _Lines, low: Float64, high: Float64
+) -> tuple[Int32, Int32, Float64, Float64, Int64]:
+    """Return cells, both ends and gap widths of what fills gaps, as `_pairs` tells these."""
+    line, position = lines.line, lines.position
+    size = 0
+    for cell, _, there, _ in pairs:
+        size += position[there] - position[cell] - 1
+    in_line, at = np.empty(size, dtype=np.int32), np.empty(size, dtype=np.int32)
+    height, low_end = np.empty(size), np.empty(size)
+    width = np.empty(size, dtype=np.int64)
+    n = 0
+    for cell, near, there, far in pairs:
+        d = position[there] - position[cell]
+        for k in range(1, d):
+            in_line[n], at[n], width[n] = line[cell], position[cell] + k, d - 1
+            height[n] = between(high[near], high[far], k, d)
+            low_end[n] = between(low[near], low[far], k, d)
+            n += 1
+    return in_line, at, height, low_end, width
+
+
+@inner
+def between(near: float, far: float, k: int, d: int) -> float:
+    """Return the height k of d steps along the line from near to far; the same read backwards."""
+    height = (near * (d - k) + far * k) / d
+    # Adding 0 keeps a sum that underflows from being -0.
+    return min(max(height, min(near, far)), max(near, far)) + 0.0

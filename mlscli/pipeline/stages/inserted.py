@@ -1,0 +1,88 @@
+"""Patches to be put into a map, and which of them find room there."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mlscli.maps.order import Columns
+from mlscli.maps.patches import within_gap
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.stages.ordering import order_by_cell
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, UInt8
+from mlscli.runtime.kernels import kernel
+
+
+class Inserted(NamedTuple):
+    """Patches to be put into a map."""
+
+    ix: Int32
+    iy: Int32
+    height: Float64
+    depth: Float64
+    origin: UInt8
+
+    @property
+    def low_end(self) -> Float64:
+        """Lower end of each patch."""
+        return self.height - self.depth
+
+    def take(self, which: Bool | Int64) -> Inserted:
+        """Return the patches that a mask or indices choose."""
+        columns: list[Any] = [column[which] for column in self]
+        return Inserted(*columns)
+
+    def union(self, other: Inserted) -> Inserted:
+        """Return the patches of both."""
+        pairs: list[Any] = list(zip(self, other, strict=True))
+        return Inserted(*map(np.concatenate, pairs))
+
+
+def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = None) -> Inserted:
+    """Return the inserted patches that find room.
+
+    None may be within `gap_size` of a patch that its cell has, or of what is filled into a hole
+    of that cell. Where several meet, the highest stays (equal: the lower origin, then the greater
+    depth), then going down the next that is more than `gap_size` below the last that stayed: the
+    highest is the nearest obstacle to a craft above.
+    """
+    gap_size = surface.gap_size
+    order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
+    inserted = inserted.take(order)
+    cells, low, high = Columns.of(inserted.ix, inserted.iy), inserted.low_end, inserted.height
+    mine = *cells, low, high
+    near = within_gap(*mine, *surface.cells, surface.low_end, surface.height, gap_size)
+    if holes is not None:
+        there = Columns.of(holes.ix, holes.iy)
+        near |= within_gap(*mine, *there, holes.low_end, holes.height, gap_size)
+    stays = ~near
+    _choose_from_above(cells.start, low, *inserted[2:], gap_size, stays)
+    return inserted.take(stays)
+
+
+@kernel
+def _choose_from_above(
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    depth: Float64,
+    origin: UInt8,
+    gap_size: float,
+    stays: Bool,
+) -> None:
+    """Let the highest of each cell stay, and what is more than `gap_size` below the last."""
+    for cell in range(len(start) - 1):
+        last = -1
+        for i in range(start[cell + 1] - 1, start[cell] - 1, -1):
+            if not stays[i]:
+                continue
+            if last < 0 or low[last] - high[i] > gap_size:
+                last = i
+            elif high[i] == high[last] and (
+                origin[i] < origin[last] or (origin[i] == origin[last] and depth[i] > depth[last])
+            ):
+                stays[last] = False
+                last = i
+            else:
+                stays[i] = False

@@ -1,0 +1,240 @@
+"""Points in the order of their cells: a radix sort of packed keys, then the heights in each cell.
+
+Points are put into strips of some columns first, so many that each is sorted in the cache, by some
+thread. A key holds both cell indices, counted from the least of the strip, in as few bits as they
+need: cells that lie close together, as those of most recordings do, are sorted in two passes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.maps.order import Columns
+from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt64
+from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.threads import LIGHT, in_ranges
+
+# So many points are sorted where they stay in the cache.
+_IN_STRIP = 4096
+# Bits that a pass sorts by: more buckets would not stay in the nearest cache.
+_BITS = 9
+# Least bits by which heights are sorted before.
+_ROUGHLY = 8
+# Sorting by insertion pays where a height moves by so many places on the average.
+_PATIENCE = 16
+
+
+class Ordered(NamedTuple):
+    """Points ordered by (ix, iy, z).
+
+    Attributes
+    ----------
+    order : uint32 (N,)
+        The number of the point that comes at each place.
+    cells : Columns
+        The occupied cells, and at which places their points begin.
+    z : float64 (N,)
+        Their heights.
+    """
+
+    order: Array
+    cells: Columns
+    z: Float64
+
+
+def cells_of(xyz: Float64, size: float) -> tuple[Int32, Int32]:
+    """Return the cell indices of points (N, 3), which int32 can hold: ``floor(x / size)``."""
+    ix, iy = np.empty((2, len(xyz)), dtype=np.int32)
+    in_ranges(
+        len(xyz),
+        lambda begin, end: _locate(xyz[begin:end], size, ix[begin:end], iy[begin:end]),
+        weight=LIGHT,
+    )
+    return ix, iy
+
+
+def order_by_cell(ix: Int32, iy: Int32, z: Float64) -> Ordered:
+    """Order points by cell and by height in each cell."""
+    # Heights side by side: fewer lines of memory are fetched, and the kernel is compiled once.
+    z = np.ascontiguousarray(z)
+    # No point needs more than 4 bytes for its number but in clouds that fill 100 GB.
+    order = np.empty(len(ix), dtype=np.uint32 if len(ix) < 2**32 else np.int64)
+    strips = _put_into_strips(ix, len(ix) // _IN_STRIP, order)
+    heights = np.empty(len(ix))
+
+    def order_strips(begin: int, end: int) -> Columns:
+        return Columns(*_order_strips(strips[begin : end + 1], order, ix, iy, z, heights))
+
+    several = len(strips) - 1
+    parts = in_ranges(several, order_strips, weight=LIGHT * len(ix) / several)
+    x, y, start = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Ordered(order, Columns(x, y, np.append(start, len(ix))), heights)
+
+
+@kernel
+def _locate(xyz: Float64, size: float, ix: Int32, iy: Int32) -> None:
+    for i in range(len(xyz)):
+        ix[i] = np.int32(np.floor(xyz[i, 0] / size))
+        iy[i] = np.int32(np.floor(xyz[i, 1] / size))
+
+
+@kernel
+def _put_into_strips(ix: Int32, most: int, order: Array) -> Int64:
+    """Note the numbers of points strip by strip, and return where the strips begin, and the end.
+
+    A strip is some columns of cells wide, as many as a power of 2, so that there are at most
+    so many strips, or one. The points of a strip keep their order.
+    """
+    least, shift, strips = 0, 0, 1
+    if most > 1:
+        least = int(ix.min())
+        width = int(ix.max()) - least
+        while width >> shift >= most:
+            shift += 1
+        strips = (width >> shift) + 1
+    start = np.zeros(strips + 1, dtype=np.int64)
+    if strips == 1:
+        for i in range(len(ix)):
+            order[i] = i
+        start[1] = len(ix)
+        return start
+    for i in range(len(ix)):
+        start[((ix[i] - least) >> shift) + 1] += 1
+    for strip in range(strips):
+        start[strip + 1] += start[strip]
+    place = start.copy()
+    for i in range(len(ix)):
+        strip = (ix[i] - least) >> shift
+        order[place[strip]] = i
+        place[strip] += 1
+    return start
+
+
+@kernel
+def _order_strips(
+    strips: Int64, order: Array, ix: Int32, iy: Int32, z: Float64, heights: Float64
+) -> tuple[Int32, Int32, Int64]:
+    """Order the points of some strips, note their heights, and return cells and their begin."""
+    most = strips[-1] - strips[0]
+    cell_x, cell_y = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
+    starts, cells = np.empty(most, dtype=np.int64), 0
+    for strip in range(len(strips) - 1):
+        begin, end = strips[strip], strips[strip + 1]
+        # What lies far apart in memory is fetched once.
+        numbers = order[begin:end].copy()
+        x, y = np.empty(end - begin, dtype=np.int32), np.empty(end - begin, dtype=np.int32)
+        fetched = np.empty(end - begin)
+        for i, number in enumerate(numbers):
+            x[i], y[i], fetched[i] = ix[number], iy[number], z[number]
+        keys, shift = _packed(x, y, fetched)
+        keys, places = _sorted(keys, np.arange(end - begin).astype(np.uint32))
+        for i in range(end - begin):
+            order[begin + i], heights[begin + i] = numbers[places[i]], fetched[places[i]]
+        start = _starts(keys, np.uint64(shift), begin)
+        for first in start[:-1]:
+            place = places[first - begin]
+            cell_x[cells], cell_y[cells], starts[cells] = x[place], y[place], first
+            cells += 1
+        _ascend(start, order, heights)
+    return cell_x[:cells].copy(), cell_y[:cells].copy(), starts[:cells].copy()
+
+
+@inner
+def _packed(x: Int32, y: Int32, z: Float64) -> tuple[UInt64, int]:
+    """Return keys that ascend with (x, y), and by how many bits a cell is shifted in them.
+
+    Below the cell a height is told roughly, in `_ROUGHLY` bits and those that would be left over of
+    the last pass: sorted by them, few points of a cell are out of order.
+    """
+    keys = np.empty(len(x), dtype=np.uint64)
+    if len(x) == 0:
+        return keys, 0
+    least_x, least_y, lowest = int(x.min()), int(y.min()), z.min()
+    width_y = _bits(int(y.max()) - least_y)
+    width = width_y + _bits(int(x.max()) - least_x)
+    shift = min(64, -(-(width + _ROUGHLY) // _BITS) * _BITS) - width
+    extent = z.max() - lowest
+    steps = (2.0**shift - 1) / extent if 1e-200 < extent < 1e200 else 0.0
+    for i in range(len(keys)):
+        cell = (np.int64(x[i]) - least_x) << width_y | (np.int64(y[i]) - least_y)
+        rough = (z[i] - lowest) * steps if steps > 0 else 0.0
+        keys[i] = np.uint64(cell) << np.uint64(shift) | np.uint64(rough)
+    return keys, shift
+
+
+@inner
+def _bits(value: int) -> int:
+    """Return how many bits a number needs."""
+    bits = 0
+    while value >> bits:
+        bits += 1
+    return bits
+
+
+@inner
+def _sorted(keys: UInt64, order: Array) -> tuple[UInt64, Array]:
+    """Return keys in ascending order and the numbers that go with them; equal keys keep theirs.
+
+    Both arrays given are used up. Each pass puts the keys into buckets by some of their bits, the
+    lowest first.
+    """
+    highest = np.uint64(0)
+    for key in keys:
+        highest |= key
+    bits = 0
+    while bits < 64 and highest >> np.uint64(bits):
+        bits += 1
+    passes = (bits + _BITS - 1) // _BITS
+    other_keys, other_order = np.empty_like(keys), np.empty_like(order)
+    for turn in range(passes):
+        low, high = bits * turn // passes, bits * (turn + 1) // passes
+        shift, mask = np.uint64(low), np.uint64((1 << (high - low)) - 1)
+        place = np.zeros((1 << (high - low)) + 1, dtype=np.int64)
+        for key in keys:
+            place[(key >> shift & mask) + np.uint64(1)] += 1
+        for smaller in range(1 << (high - low)):
+            place[smaller + 1] += place[smaller]
+        for i in range(len(keys)):
+            bucket = keys[i] >> shift & mask
+            there = place[bucket]
+            place[bucket] = there + 1
+            other_keys[there], other_order[there] = keys[i], order[i]
+        keys, other_keys = other_keys, keys
+        order, other_order = other_order, order
+    return keys, order
+
+
+@inner
+def _starts(keys: UInt64, below: np.uint64, begin: int) -> Int64:
+    """Return where runs of keys that are equal above some bits begin, and the end of the last."""
+    start = np.empty(len(keys) + 1, dtype=np.int64)
+    runs = 0
+    for i in range(len(keys)):
+        if i == 0 or keys[i] >> below != keys[i - 1] >> below:
+            start[runs] = begin + i
+            runs += 1
+    start[runs] = begin + len(keys)
+    return start[: runs + 1]
+
+
+@inner
+def _ascend(start: Int64, order: Array, heights: Float64) -> None:
+    """Order the points of some runs by height."""
+    for run in range(len(start) - 1):
+        begin, end = start[run], start[run + 1]
+        patience = _PATIENCE * (end - begin)
+        for i in range(begin + 1, end):
+            height, point = heights[i], order[i]
+            j = i
+            while j > begin and heights[j - 1] > height:
+                heights[j], order[j] = heights[j - 1], order[j - 1]
+                j -= 1
+            heights[j], order[j] = height, point
+            patience -= i - j
+            if patience < 0:
+                unsorted, points = heights[begin:end].copy(), order[begin:end].copy()
+                for place, rank in enumerate(np.argsort(unsorted)):
+                    heights[begin + place], order[begin + place] = unsorted[rank], points[rank]
+                break

@@ -1,0 +1,102 @@
+"""Orphan patches (thesis, section 3.3): what lies alone is an outlier.
+
+A patch stays if at least `min_neighbours` other patches lie in its box: cell indices within
+`horizontal` in x and in y, and the distance of the intervals [height - depth, height] at most
+`vertical`. Patches of the same cell count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mlscli.maps.neighbours import sought
+from mlscli.maps.patches import distance
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.parameters.fields import parameter
+from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
+from mlscli.pipeline.stages.stage import MapStage
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
+from mlscli.runtime.kernels import kernel
+from mlscli.runtime.threads import LIGHT, in_ranges
+
+
+@dataclass(frozen=True)
+class Orphans(MapStage):
+    """Remove patches that have too few others near them."""
+
+    name: ClassVar[str] = "orphans"
+
+    horizontal: Length = parameter(
+        Cells(2), "half the width of the search box, in x and in y", low=0
+    )
+    vertical: Length = parameter(
+        Cells(2), "greatest vertical distance of a neighbour in the search box", low=0
+    )
+    min_neighbours: int = parameter(1, "a patch with fewer others in its box is removed", low=0)
+
+    def reach(self, cell_size: float) -> int:
+        """Return half the width of the box in whole cells."""
+        return whole_cells(self.horizontal, cell_size)
+
+    def transform(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return the map without its orphans."""
+        cells, half_y = surface.cells, self.reach(surface.cell_size)
+        # A box need not be wider than the map.
+        half_x = min(half_y, int(cells.ix[-1]) - int(cells.ix[0])) if len(cells.ix) else 0
+        vertical = in_units(self.vertical, surface.cell_size)
+        low, high, stays = surface.low_end, surface.height, np.empty(surface.size, dtype=np.bool_)
+
+        def look_around(begin: int, end: int) -> None:
+            _look_around(
+                begin, end, *cells, low, high, half_x, half_y, vertical, self.min_neighbours, stays
+            )
+
+        in_ranges(len(cells.ix), look_around, weight=LIGHT)
+        return surface.take(stays)
+
+
+@kernel
+def _look_around(
+    begin: int,
+    end: int,
+    ix: Int32,
+    iy: Int32,
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    half_x: int,
+    half_y: int,
+    vertical: float,
+    min_neighbours: int,
+    stays: Bool,
+) -> None:
+    """Tell which patches of cells `begin` to `end` have enough others in their box."""
+    columns = 2 * half_x + 1
+    # For each column of the box, a cell that is not beyond its first: it only moves on, as the
+    # cells are in order.
+    first = np.full(columns, -1, dtype=np.int64)
+    for cell in range(begin, end):
+        lowest, highest = np.int64(iy[cell]) - half_y, np.int64(iy[cell]) + half_y
+        for i in range(start[cell], start[cell + 1]):
+            neighbours = -1  # The patch itself lies in its box, too.
+            # The patch's own column comes first, which mostly suffices.
+            for column in range(half_x, half_x + columns):
+                if neighbours >= min_neighbours:
+                    break
+                column %= columns
+                x = np.int64(ix[cell]) + column - half_x
+                there = sought(ix, iy, first[column], x, lowest)
+                first[column] = there
+                while (
+                    neighbours < min_neighbours
+                    and there < len(ix)
+                    and ix[there] == x
+                    and iy[there] <= highest
+                ):
+                    for j in range(start[there], start[there + 1]):
+                        neighbours += distance(low[i], high[i], low[j], high[j]) <= vertical
+                    there += 1
+            stays[i] = neighbours >= min_neighbours

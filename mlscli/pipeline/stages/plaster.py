@@ -1,0 +1,63 @@
+"""Hole plastering (thesis, section 3.5).
+
+From each patch one looks along +x, and likewise +y, at distances d = 1, 2, ... cells. A patch
+there is a candidate if its height differs by at most
+``height_thresh * d * cell_size + height_clearance``. The first d with a candidate decides, and of
+several the one nearest in height (equal: the higher). The gap, d - 1 cells wide, is closed if it
+is narrow enough and the far patch, looking back, finds the near one. Horizontal patches on the
+straight line between the two close it.
+
+Pass one closes gaps up to `max_gap`; pass two reads its result and closes gaps up to
+`max_gap_enhanced`. The thesis closed what it met first, along y before x; here both directions
+read the same input and the higher patch stays, as its section 6.3 proposes.
+
+The thesis trusts a slope over the whole gap, so that a wide one joins surfaces of different levels.
+With `slope_reach` the height allowed grows no farther than over that distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.parameters.fields import parameter
+from mlscli.parameters.lengths import Cells, Length, in_units
+from mlscli.pipeline.stages.gaps import GapStage, Intervals, Tolerance, close_gaps
+from mlscli.pipeline.stages.inserted import settle
+
+
+@dataclass(frozen=True)
+class Plaster(GapStage):
+    """Close gaps between patches along x and y."""
+
+    name: ClassVar[str] = "plaster"
+
+    height_thresh: float = parameter(
+        0.5, "steepest slope along which a gap is closed (rise over run)", low=0
+    )
+    height_clearance: Length = parameter(
+        Cells(0.5), "height difference that is allowed besides the slope", low=0
+    )
+    slope_reach: Length = parameter(
+        0,
+        "distance beyond which the slope allows no more height; 0: it counts over the whole gap",
+        low=0,
+    )
+
+    def transform(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return the map with its gaps closed."""
+        cell_size = surface.cell_size
+        tolerance = Tolerance(
+            cell_size,
+            self.height_thresh,
+            in_units(self.height_clearance, cell_size),
+            in_units(self.slope_reach, cell_size) / cell_size or np.inf,
+        )
+        for widths in self.passes():
+            heights = Intervals(surface.cells, surface.height, surface.height)
+            closing = close_gaps(heights, widths, tolerance)
+            surface = surface.with_inserted(*settle(closing, surface))
+        return surface

@@ -1,0 +1,156 @@
+"""What a stage is: a frozen dataclass of parameters that knows how to apply itself.
+
+A stage turns its whole input into its whole output and declares its *reach*: how many cells
+away something can still change a result. Where it is evaluated is then the caller's choice: fed
+with all that lies within its reach of some cells, it gives those cells the patches that it gives
+them when fed with everything.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+
+from mlscli.keyframes.batches import Points
+from mlscli.maps.cells import Limits
+from mlscli.parameters.fields import parameter
+from mlscli.parameters.lengths import Length
+from mlscli.runtime.arrays import Bool, Float64, Int32
+from mlscli.runtime.kernels import kernel
+
+if TYPE_CHECKING:
+    from mlscli.maps.surface_map import SurfaceMap
+
+
+class Fault(NamedTuple):
+    """Parameters of one stage that contradict each other."""
+
+    field: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of the pipeline with its parameters."""
+
+    name: ClassVar[str]
+
+    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
+        """Yield what the parameters contradict; sizes are None where not yet known."""
+        yield from ()
+
+
+class Evaluated(NamedTuple):
+    """What becomes of points; told for those that were asked for.
+
+    Attributes
+    ----------
+    height : float64 (N,)
+        Their new heights; NaN: dropped.
+    looked : float64 (N,)
+        The square of how far the stage looked, in x and y: no point farther off can change the
+        result. Empty where all points were asked for.
+    """
+
+    height: Float64
+    looked: Float64
+
+
+@dataclass(frozen=True)
+class PointStage(Stage):
+    """A stage that reads and writes points."""
+
+    @abstractmethod
+    def reach(self, cell_size: float) -> int:
+        """Return how many cells away a point can still change another's result."""
+
+    @abstractmethod
+    def evaluate(
+        self,
+        points: Points,
+        cell_size: float,
+        asked: Bool | None = None,
+        told: Callable[[int], None] | None = None,
+    ) -> Evaluated:
+        """Return what becomes of each point.
+
+        Parameters
+        ----------
+        points : Points
+        cell_size : float
+        asked : bool (N,), optional
+            The points for which this is wanted to be known; all where it is not given.
+        told : callable, optional
+            Called with how many points are done, now and then.
+        """
+
+    def apply(
+        self, points: Points, cell_size: float, told: Callable[[int], None] | None = None
+    ) -> Points:
+        """Return the points that stay, in their order, with their new heights."""
+        height = self.evaluate(points, cell_size, told=told).height
+        return Points(*_kept(*points, height))
+
+
+@kernel
+def _kept(xyz: Float64, keyframe: Int32, height: Float64) -> tuple[Float64, Int32]:
+    """Return the points whose new heights are not NaN, at these heights."""
+    size = 0
+    for z in height:
+        size += not np.isnan(z)
+    moved, which = np.empty((size, 3)), np.empty(size, dtype=np.int32)
+    place = 0
+    for i in range(len(height)):
+        if not np.isnan(height[i]):
+            moved[place, 0], moved[place, 1], moved[place, 2] = xyz[i, 0], xyz[i, 1], height[i]
+            which[place] = keyframe[i]
+            place += 1
+    return moved, which
+
+
+@dataclass(frozen=True)
+class MapStage(Stage):
+    """A stage that reads and writes a map.
+
+    Inside the limits the map becomes what the stage makes of it without limits; cells outside
+    stay as they were.
+    """
+
+    min_x: int | None = parameter(None, "least cell index in x that the stage changes")
+    max_x: int | None = parameter(None, "greatest cell index in x that the stage changes")
+    min_y: int | None = parameter(None, "least cell index in y that the stage changes")
+    max_y: int | None = parameter(None, "greatest cell index in y that the stage changes")
+
+    def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
+        """Yield a fault where the limits leave no cell between them."""
+        for axis in "xy":
+            least, greatest = getattr(self, f"min_{axis}"), getattr(self, f"max_{axis}")
+            if least is not None and greatest is not None and least > greatest:
+                yield Fault(f"min_{axis}", f"{least} is above max_{axis} ({greatest})")
+
+    @abstractmethod
+    def reach(self, cell_size: float) -> int | None:
+        """Return how many cells away a patch can still change a result; None: any number."""
+
+    @abstractmethod
+    def transform(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return what the stage makes of the whole map, without limits."""
+
+    def apply(self, surface: SurfaceMap) -> SurfaceMap:
+        """Return the map after the stage, within its limits."""
+        limits = self.limits
+        if limits == Limits():
+            return self.transform(surface)
+        reach = self.reach(surface.cell_size)
+        source = surface if reach is None else surface.crop(*limits.widened(reach))
+        outside = surface.take(~limits.contain(surface.ix, surface.iy))
+        return outside.union(self.transform(source).crop(*limits))
+
+    @property
+    def limits(self) -> Limits:
+        """The cells that the stage may change."""
+        return Limits(self.min_x, self.max_x, self.min_y, self.max_y)

@@ -1,0 +1,1 @@
+"""The map evaluated tile by tile: in threads, or on a cluster."""

@@ -1,0 +1,129 @@
+"""Points sorted by blocks of cells, in memory or on disk, to be had area by area."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from mlscli.keyframes.batches import Points
+from mlscli.maps.cells import GREATEST, LEAST, Limits, pack, unpack
+from mlscli.maps.patches import runs
+from mlscli.pipeline.stages.ordering import cells_of
+from mlscli.runtime.arrays import Array, Int32, Int64, UInt64
+
+# A block is 2**4 cells wide: a fraction of the margin that the default pipeline needs.
+SHIFT = 4
+
+POINT = np.dtype([("xyz", np.float64, (3,)), ("keyframe", np.int32)])
+
+
+class Rows(Protocol):
+    """An array, or one that is read when a slice of it is taken."""
+
+    def __getitem__(self, part: slice, /) -> Array: ...
+
+
+class Run(NamedTuple):
+    """Points that came together, sorted by block.
+
+    Attributes
+    ----------
+    blocks : uint64 (B,)
+        Packed keys of the blocks, ascending, each once.
+    start : int64 (B + 1,)
+        The points of block b are ``points[start[b]:start[b + 1]]``.
+    points : Rows
+        Records of `POINT`.
+    """
+
+    blocks: UInt64
+    start: Int64
+    points: Rows
+
+
+class Occupied(NamedTuple):
+    """Blocks that hold points.
+
+    Attributes
+    ----------
+    ix, iy : int32 (B,)
+        Indices of the blocks; block (0, 0) begins at cell (0, 0).
+    points : int64 (B,)
+        How many points each holds.
+    """
+
+    ix: Int32
+    iy: Int32
+    points: Int64
+
+
+class PointBlocks:
+    """Points by blocks of cells.
+
+    Parameters
+    ----------
+    cell_size : float
+    put : callable, optional
+        Puts an array away, as `Scratch.put`; without one, points stay in memory.
+    shift : int
+        Blocks are ``2**shift`` cells wide.
+    """
+
+    def __init__(
+        self, cell_size: float, put: Callable[[Array], Rows] | None = None, shift: int = SHIFT
+    ) -> None:
+        self.shift = shift
+        self._cell_size = cell_size
+        self._put = put or (lambda array: array)
+        self._runs: list[Run] = []
+
+    def add(self, points: Points) -> None:
+        """Add points, all of them on the grid."""
+        ix, iy = cells_of(points.xyz, self._cell_size)
+        keys = pack(ix >> self.shift, iy >> self.shift)
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
+        records = np.empty(points.size, POINT)
+        records["xyz"] = points.xyz[order]
+        records["keyframe"] = points.keyframe[order]
+        start = runs(keys)
+        self._runs.append(Run(keys[start[:-1]], start, self._put(records)))
+
+    @property
+    def entries(self) -> int:
+        """How many blocks are listed in memory, those of each run by themselves."""
+        return sum(len(run.blocks) for run in self._runs)
+
+    def occupied(self) -> Occupied:
+        """Return the blocks that hold points."""
+        keys = np.concatenate([np.empty(0, np.uint64), *(run.blocks for run in self._runs)])
+        sizes = np.concatenate([np.empty(0, np.int64), *(np.diff(run.start) for run in self._runs)])
+        blocks, places = np.unique(keys, return_inverse=True)
+        points = np.zeros(len(blocks), dtype=np.int64)
+        np.add.at(points, places, sizes)
+        return Occupied(*unpack(blocks), points)
+
+    def extract(self, limits: Limits) -> Points:
+        """Return the points in the cells within limits."""
+        blocks = Limits(*(None if end is None else end >> self.shift for end in limits))
+        parts = [part for run in self._runs for part in _slices(run, blocks)]
+        records = np.concatenate([np.empty(0, POINT), *parts])
+        points = Points(np.ascontiguousarray(records["xyz"]), records["keyframe"])
+        return points.take(limits.contain(*cells_of(points.xyz, self._cell_size)))
+
+
+def _slices(run: Run, limits: Limits) -> Iterator[Array]:
+    """Yield the points of the blocks within limits; those that follow each other at once."""
+    least = LEAST if limits.min_x is None else max(limits.min_x, LEAST)
+    greatest = GREATEST if limits.max_x is None else min(limits.max_x, GREATEST)
+    low, high = pack(np.array([least, greatest]), np.array([LEAST, GREATEST]))
+    first, last = (
+        int(np.searchsorted(run.blocks, low)),
+        int(np.searchsorted(run.blocks, high, side="right")),
+    )
+    inside = limits.contain(*unpack(run.blocks[first:last]))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
+    for begin, end in (edges + first).reshape(-1, 2):
+        yield run.points[int(run.start[begin]) : int(run.start[end])]

@@ -1,0 +1,171 @@
+"""Connections to Dask clusters: to one that runs, or to one that is started for the purpose."""
+
+from __future__ import annotations
+
+import logging
+import re
+import signal
+import tempfile
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+from mlscli.errors import ClusterError, UsageError
+from mlscli.pipeline.tilewise.cluster import Cluster, first_line
+from mlscli.runtime.threads import processors
+
+LOCAL = "local"
+"""In place of an address: a cluster of this machine, for as long as it is needed."""
+
+# Seconds until a scheduler must have answered, and until workers of this machine must have started.
+ANSWER, START = 10, 60
+
+_ADDRESS = re.compile(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s:/@\[\]]+):([0-9]{1,5})")
+
+# Words of Dask's own would stand beside the program's.
+_QUIET = {"logging": {"distributed": "critical", "distributed.client": "critical"}}
+
+# A tile is larger than what Dask expects of a task, and meant to be.
+_LARGE = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
+
+
+def refuse_local(scheduler: str | None) -> None:
+    """Refuse workers on this machine where the memory that is taken is counted.
+
+    Raises
+    ------
+    UsageError
+        It is they.
+    """
+    if scheduler == LOCAL:
+        raise UsageError(
+            f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
+        )
+
+
+def check_address(scheduler: str) -> None:
+    """Refuse what is no address of a scheduler.
+
+    Raises
+    ------
+    UsageError
+    """
+    match = _ADDRESS.fullmatch(scheduler)
+    if scheduler != LOCAL and (match is None or not 0 < int(match[3]) < 2**16):
+        raise UsageError(
+            f"--scheduler {scheduler}: is no address; write tcp://host:port as dask's scheduler "
+            f"prints it, or {LOCAL} for a cluster on this machine"
+        )
+
+
+@contextmanager
+def connected(scheduler: str) -> Iterator[Cluster]:
+    """Connect to a cluster, or start one; nothing of it is left when the context ends.
+
+    Parameters
+    ----------
+    scheduler : str
+        Its scheduler's address, ``tcp://host:port``, or ``local``: one process for each processor
+        of this machine.
+
+    Raises
+    ------
+    UsageError
+        It is no address, or Dask is not installed.
+    ClusterError
+        No scheduler answers there, there is no worker, or versions differ.
+    """
+    check_address(scheduler)
+    with ExitStack() as stack:
+        try:
+            import dask
+
+            with dask.config.set(_QUIET):
+                import distributed
+        except ImportError as error:
+            raise UsageError(
+                f"--scheduler: Dask cannot be loaded ({error}); pip install 'mlscli[dask]'"
+            ) from error
+        stack.enter_context(dask.config.set(_LARGE))
+        if scheduler == LOCAL:
+            reached = _started(dask, distributed)
+        else:
+            reached = _reached(scheduler, distributed)
+        yield Cluster(scheduler, stack.enter_context(reached))
+
+
+@contextmanager
+def _reached(address: str, distributed: Any) -> Iterator[Any]:
+    """Connect to a scheduler that runs."""
+    try:
+        _shake_hands(address, distributed)
+        with warnings.catch_warnings():
+            # What Dask says of versions is looked at more closely later.
+            warnings.simplefilter("ignore")
+            client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
+    except Exception as error:
+        why = first_line(error) or f"nothing said within {ANSWER} s"
+        raise ClusterError(f"--scheduler {address}: no scheduler answers there: {why}") from error
+    with client:
+        yield client
+
+
+def _shake_hands(address: str, distributed: Any) -> None:
+    """Try to connect; Dask's client would wait for ever for one that accepts and says nothing."""
+    import asyncio
+
+    async def reach() -> None:
+        security = distributed.Security().get_connection_args("client")
+        reached = distributed.comm.connect(address, timeout=ANSWER, **security)
+        await (await asyncio.wait_for(reached, ANSWER)).close()
+
+    # On a thread of its own: in a notebook this one runs a loop already.
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(asyncio.run, reach()).result()
+
+
+@contextmanager
+def _started(dask: Any, distributed: Any) -> Iterator[Any]:
+    """Start a cluster of this machine."""
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mls-"))
+        stack.enter_context(dask.config.set({"temporary-directory": folder}))
+        with _interrupts_held():
+            local = distributed.LocalCluster(
+                n_workers=0,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+            stack.enter_context(local)
+        local.scale(processors())
+        client = stack.enter_context(distributed.Client(local, set_as_default=False))
+        try:
+            client.wait_for_workers(processors(), timeout=START)
+        except TimeoutError:
+            raise ClusterError(
+                f"--scheduler {LOCAL}: the workers did not start within {START} s; say --jobs"
+            ) from None
+        yield client
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Start threads, and through them processes, that an interrupt from the keyboard spares.
+
+    The terminal sends it to all processes; it is this one that ends the others.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    # Started later, it would let interrupts through in the thread that starts it.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

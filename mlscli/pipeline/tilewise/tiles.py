@@ -1,0 +1,235 @@
+"""The map evaluated tile by tile: by several workers, or where all points are too many at once.
+
+A tile is evaluated from the points in it and within the reach of all stages around it; each stage
+uses up its own reach of that margin, and the tile itself comes out as one pass over all points has
+it. So neither the size of the tiles nor who evaluates them changes a bit of the map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from mlscli.keyframes.batches import Points
+from mlscli.maps.cells import Limits, pack
+from mlscli.maps.change import points_in
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.pipeline import Pipeline, Progress
+from mlscli.pipeline.report import Report
+from mlscli.pipeline.stages.ordering import cells_of
+from mlscli.pipeline.tilewise.blocks import Occupied, PointBlocks
+from mlscli.runtime.arrays import Bool, Int32
+from mlscli.runtime.threads import in_turn
+
+
+class EvaluatedTile(NamedTuple):
+    """A tile of the map, and the account of how it was made."""
+
+    surface: SurfaceMap
+    report: Report
+
+
+class Tile(NamedTuple):
+    """A rectangle of cells, without an end where it lies at the rim of the map.
+
+    Attributes
+    ----------
+    limits : Limits
+    points : int
+        Points in the blocks that it needs, its margin among them.
+    """
+
+    limits: Limits
+    points: int
+
+
+class Workers(Protocol):
+    """Those who evaluate tiles."""
+
+    @property
+    def number(self) -> int:
+        """How many tiles are evaluated at a time."""
+
+    @property
+    def memory_per_point(self) -> int:
+        """Bytes that it takes here, at most, for each point of the largest tile."""
+
+    def evaluated(
+        self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
+    ) -> Iterator[EvaluatedTile]:
+        """Yield the tiles evaluated, in their order."""
+
+
+# Tiles of fewer points are mostly margin; larger ones than those have hardly less of it in all.
+WORTHWHILE, COMFORTABLE = 50_000, 10**6
+
+# Bytes of memory that it takes at most to evaluate a point.
+EVALUATED = 400
+
+
+class Threads(NamedTuple):
+    """Threads of this process."""
+
+    number: int
+
+    @property
+    def memory_per_point(self) -> int:
+        """Bytes that it takes here, at most, for each point of the largest tile."""
+        return EVALUATED * self.number
+
+    def evaluated(
+        self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
+    ) -> Iterator[EvaluatedTile]:
+        """Yield the tiles evaluated, in their order."""
+
+        def call(limits: Limits) -> EvaluatedTile:
+            return evaluate(pipeline, surroundings(pipeline, blocks, limits), limits)
+
+        return in_turn((partial(call, tile.limits) for tile in tiles), self.number)
+
+
+def tiled(
+    pipeline: Pipeline, points: Points, workers: Workers, progress: Progress | None = None
+) -> SurfaceMap:
+    """Return the map of all points, but for the final stages, made by several workers."""
+    blocks = PointBlocks(pipeline.cell_size)
+    blocks.add(points)
+    share = points.size // (2 * workers.number)
+    tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE, min(share, COMFORTABLE)))
+    return joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, workers, progress)))
+
+
+def in_tiles(
+    pipeline: Pipeline,
+    blocks: PointBlocks,
+    tiles: Sequence[Tile],
+    workers: Workers,
+    progress: Progress | None = None,
+) -> Iterator[SurfaceMap]:
+    """Yield the map of all points tile by tile, but for the final stages.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        Its report is told what became of the points of each tile.
+    blocks : PointBlocks
+    tiles : sequence of Tile
+        From `tiles_of`.
+    workers : Workers
+    progress : callable, optional
+        Called with ``tiles``, how many of them are done, and how many there are.
+    """
+    evaluated = workers.evaluated(pipeline, blocks, tiles)
+    for number, (surface, report) in enumerate(evaluated, 1):
+        if progress is not None:
+            progress("tiles", number, len(tiles))
+        pipeline.report.add(report)
+        yield surface
+
+
+def joined(empty: SurfaceMap, parts: Sequence[SurfaceMap]) -> SurfaceMap:
+    """Return the map of parts that share no cell."""
+    columns: dict[str, Any] = {
+        name: np.concatenate([column, *(part.columns[name] for part in parts)])
+        for name, column in empty.columns.items()
+    }
+    # In each cell patches are in order: only the cells have to be put in theirs.
+    order = np.argsort(pack(columns["ix"], columns["iy"]), kind="stable")
+    return replace(empty, **columns).take(order)
+
+
+def surroundings(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Points:
+    """Return the points that can change the map within limits."""
+    return blocks.extract(limits.widened(pipeline.reach))
+
+
+def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTile:
+    """Return the map within limits, and what became of the points in them.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    points : Points
+        The `surroundings`.
+    limits : Limits
+    """
+    report = Report()
+    pipeline, cell_size = pipeline.reporting_to(report), pipeline.cell_size
+    margin = pipeline.reach
+    inside = _count(limits, *cells_of(points.xyz, cell_size))
+    for filtering in pipeline.point_stages:
+        margin -= filtering.reach(cell_size)
+        points = pipeline.filtered(filtering, points)
+        cells = cells_of(points.xyz, cell_size)
+        points = points.take(limits.widened(margin).contain(*cells))
+        before, inside = inside, _count(limits, *cells)
+        report.drop(filtering.name, before - inside)
+    surface = pipeline.grouped(points)
+    for stage in pipeline.map_stages:
+        margin -= stage.reach(cell_size) or 0
+        surface = pipeline.transformed(stage, surface).crop(*limits.widened(margin))
+        before, inside = inside, points_in(surface.crop(*limits))
+        report.drop(stage.name, before - inside)
+    return EvaluatedTile(surface.crop(*limits), report)
+
+
+def tiles_of(blocks: PointBlocks, reach: int, most: int) -> list[Tile]:
+    """Divide the plane into tiles, each with a block that holds points.
+
+    Parameters
+    ----------
+    blocks : PointBlocks
+    reach : int
+        How many cells the margins of tiles are wide.
+    most : int
+        A tile of more points, its margin among them, is divided if it has more than one block.
+    """
+    margin = -(-reach >> blocks.shift)
+    undivided = [(Limits(), blocks.occupied())]
+    tiles = []
+    while undivided:
+        limits, near = undivided.pop()
+        near = _take(near, limits.widened(margin).contain(near.ix, near.iy))
+        own = _take(near, limits.contain(near.ix, near.iy))
+        points = int(near.points.sum())
+        if points <= most or len(own.ix) <= 1:
+            tiles.append(Tile(_in_cells(limits, blocks.shift), points))
+        else:
+            undivided += [(half, near) for half in reversed(_halves(limits, own))]
+    return tiles
+
+
+def _halves(limits: Limits, own: Occupied) -> list[Limits]:
+    """Divide a tile across its longer side, so that both parts have about half of the points."""
+    spans = np.ptp(own.ix.astype(np.int64)), np.ptp(own.iy.astype(np.int64))
+    axis = "x" if spans[0] >= spans[1] else "y"
+    at = own.ix if axis == "x" else own.iy
+    order = np.argsort(at, kind="stable")
+    below = np.cumsum(own.points[order])
+    middle = int(at[order][np.searchsorted(below, below[-1] / 2)])
+    first = max(middle, int(at.min()) + 1)
+    return [
+        limits._replace(**{f"max_{axis}": first - 1}),
+        limits._replace(**{f"min_{axis}": first}),
+    ]
+
+
+def _take(blocks: Occupied, which: Bool) -> Occupied:
+    return Occupied(blocks.ix[which], blocks.iy[which], blocks.points[which])
+
+
+def _in_cells(blocks: Limits, shift: int) -> Limits:
+    """Return the limits of blocks as limits of cells."""
+    low = [None if end is None else end << shift for end in (blocks.min_x, blocks.min_y)]
+    high = [
+        None if end is None else ((end + 1) << shift) - 1 for end in (blocks.max_x, blocks.max_y)
+    ]
+    return Limits(low[0], high[0], low[1], high[1])
+
+
+def _count(limits: Limits, ix: Int32, iy: Int32) -> int:
+    return int(np.count_nonzero(limits.contain(ix, iy)))

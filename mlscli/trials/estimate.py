@@ -1,0 +1,304 @@
+"""What a build would do, told from the first keyframes of a recording.
+
+Maps of growing parts of what was read are built, as long as that takes seconds only, and thrown
+away. Where the last is of the whole recording, all numbers but the time are those of the build;
+else they are extrapolated:
+
+- keyframes: as many as the recording declares, or as many a second as there were;
+- points and batches: as many for each keyframe;
+- patches: a power of the points, as from one part to the next: a flight over new ground adds
+  patches in proportion, one over the same ground adds few;
+- cell size: of the points read. Where ground is seen again later, points lie closer, and the cells
+  become smaller;
+- time: of reading, for each keyframe; of building, for each point.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mlscli.building.builder import Follower, MapBuilder
+from mlscli.building.cell_size import auto_cell_size
+from mlscli.io.reading.glance import Glance
+from mlscli.io.reading.recording import AUTO, open_recording
+from mlscli.keyframes.batches import batches
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.parameters.lengths import in_units
+from mlscli.pipeline.parameters import Parameters
+
+# The trial: so many points at most, these shares of them in turn, and no next one that would take
+# longer than so many seconds.
+_AT_MOST = 200_000
+_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)
+_PATIENCE = 1.5
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a build would do.
+
+    Attributes
+    ----------
+    whole : bool
+        Whether all was read and mapped: then the numbers are exact, but for `seconds`.
+    clouds : list of str
+        Where the clouds are: file, and topic.
+    frame_id, up : str
+        The map frame, and which way of the recording becomes z.
+    keyframes, batches, points, patches : int or None
+        None where the look ended before there was anything to judge by.
+    counted : bool
+        Whether the keyframes were counted by the recording or here, and not judged by their rate.
+    cell_size, gap_size, thickness : float or None
+    seconds : float or None
+        Wall time.
+    read : dict
+        What all this is judged by: whether that is ``all``, ``keyframes``, ``points``, and how many
+        of them are ``dropped``, by reason.
+    notes, lost : list of str
+        What the user should know, and what cannot be read.
+    """
+
+    whole: bool
+    clouds: list[str]
+    frame_id: str
+    up: str
+    keyframes: int | None
+    counted: bool
+    batches: int | None
+    points: int | None
+    patches: int | None
+    cell_size: float | None
+    gap_size: float | None
+    thickness: float | None
+    seconds: float | None
+    read: dict[str, Any]
+    notes: list[str]
+    lost: list[str]
+
+
+def estimate_build(
+    *sources: str | os.PathLike[str],
+    parameters: Parameters | None = None,
+    follow: Follower | None = None,
+    glance: Glance | None = None,
+    **reading: Any,
+) -> Estimate:
+    """Say what `mlscli.build_map` would do, from the first keyframes; nothing is written.
+
+    Parameters
+    ----------
+    *sources : paths
+    parameters : Parameters, optional
+    follow : callable, optional
+        As for `mlscli.build_map`; called for the trial.
+    glance : Glance, optional
+        How much to read; by default 200,000 points, in at most 2 s.
+    **reading
+        As `mlscli.open_recording` takes it.
+
+    Raises
+    ------
+    MlsError
+        Where the build would fail, as far as can be seen.
+    """
+    parameters = parameters or Parameters()
+    glance = glance or Glance()
+    begin = time.perf_counter()
+    recording = open_recording(*sources, glance=glance, **reading)
+    opened = time.perf_counter() - begin
+    keyframes = list(recording.keyframes())
+    passes = 2 if reading.get("up") == AUTO else 1
+    spent = (time.perf_counter() - begin - opened) * passes
+    tally = recording.tally
+    trial = _Trial(parameters, keyframes, follow) if _size(keyframes) else None
+    declared = recording.expected_keyframes if glance.cut else tally.keyframes
+    placed = keyframes[: tally.keyframes - tally.unplaced]
+    total = _by_their_rate(placed, recording.duration) if declared is None else declared
+    more = total / tally.keyframes if total and tally.keyframes else None
+    dropped = dict(tally.dropped)
+    known: dict[str, Any] = dict.fromkeys(("batches", "points", "patches", "seconds"))
+    known |= _lengths(parameters) if trial is None else trial.lengths
+    if trial is not None:
+        dropped |= trial.dropped
+        if more is not None:
+            known |= {
+                "batches": round(trial.batches * more),
+                "points": round(tally.points_read * more),
+                "patches": trial.patches(more),
+                "seconds": opened + spent * more + trial.seconds(more),
+            }
+    return Estimate(
+        whole=not glance.cut and (trial is None or trial.is_whole),
+        clouds=recording.labels,
+        frame_id=recording.frame_id,
+        up=recording.up,
+        keyframes=total if glance.cut else len(keyframes),
+        counted=declared is not None,
+        **known,
+        read={
+            "all": not glance.cut,
+            "keyframes": tally.keyframes,
+            "points": tally.points_read,
+            "dropped": dropped,
+        },
+        notes=[*recording.notes, *_reservations(glance)],
+        lost=recording.losses,
+    )
+
+
+def _by_their_rate(keyframes: Sequence[Keyframe], duration: float) -> int | None:
+    """Return how many keyframes there are in so many seconds; None where no times tell."""
+    stamps = np.array([keyframe.stamp for keyframe in keyframes])
+    flown = float(np.ptp(stamps)) if len(stamps) else 0.0
+    if not (flown > 0 and math.isfinite(duration)):
+        return None
+    return max(len(stamps), round((len(stamps) - 1) * duration / flown) + 1)
+
+
+def _reservations(glance: Glance) -> list[str]:
+    """Say what a longer look might change."""
+    if not glance.poses_cut:
+        return []
+    return ["transforms and poses are read in part: clouds without one may get theirs in the build"]
+
+
+def _lengths(parameters: Parameters) -> dict[str, float | None]:
+    """Return the lengths of the map in the unit of the recording, as far as they are settled."""
+    wanted = parameters.map
+    if isinstance(wanted.cell_size, str):
+        return dict.fromkeys(("cell_size", "gap_size", "thickness"))
+    return {
+        "cell_size": wanted.cell_size,
+        "gap_size": in_units(wanted.gap_size, wanted.cell_size),
+        "thickness": in_units(wanted.thickness, wanted.cell_size),
+    }
+
+
+class _Trial:
+    """Maps of growing parts of the keyframes read, and what they say of the rest.
+
+    A part is some first keyframes, or a slab of a single one. The next is tried where it will not
+    take too long.
+
+    Attributes
+    ----------
+    is_whole : bool
+        Whether the last part was all.
+    batches : int
+        Of all keyframes read.
+    dropped : dict
+        How many points the stages drop, by reason.
+    growth : float
+        The power of the points with which patches grow, from 0 to 1.
+    startup : float
+        The time that does not grow with the points.
+    lengths : dict
+    """
+
+    def __init__(
+        self, parameters: Parameters, keyframes: Sequence[Keyframe], follow: Follower | None
+    ) -> None:
+        self._points = _size(keyframes)
+        self.batches = sum(1 for _ in batches(keyframes, parameters.batch.min_points))
+        tried = _slab(keyframes, _AT_MOST)
+        begin = time.perf_counter()
+        if parameters.map.cell_size == "auto":
+            xyz = np.concatenate([keyframe.points for keyframe in tried])
+            parameters = parameters.with_cell_size(auto_cell_size(xyz))
+        sizing = (time.perf_counter() - begin) / _size(tried)
+        self.lengths = _lengths(parameters)
+        self.growth = self._slowing = 1.0
+        first = _part(tried, _SHARES[0])
+        # The first build loads the kernels.
+        loading = _built(parameters, first, follow).seconds
+        last = _built(parameters, first, follow)
+        self.startup = max(0.0, loading - last.seconds)
+        for share in _SHARES[1:]:
+            part = _part(tried, share)
+            more = _size(part) / last.points
+            # Points that lie dense can take up to the square of the time.
+            if last.seconds * more**2 > _PATIENCE:
+                break
+            if more > 1:
+                built = _built(parameters, part, follow)
+                self._slowing = _power(built.seconds / last.seconds, more, 1.0, 2.0)
+                if len(tried) > 1 and last.patches and built.patches:
+                    self.growth = _power(built.patches / last.patches, more, 0.0, 1.0)
+                last = built
+        self._last, self._sizing = last, sizing
+        self.is_whole = last.points == self._points
+        self.dropped = last.dropped if self.is_whole else {}
+
+    def patches(self, more: float) -> int:
+        """Return how many patches a map of so many times the points read has."""
+        times = more * self._points / self._last.points
+        return round(self._last.patches * math.pow(times, self.growth))
+
+    def seconds(self, more: float) -> float:
+        """Return how long such a map takes to build."""
+        unseen = self._points / self._last.points
+        building = self._last.seconds * math.pow(unseen, self._slowing)
+        return self.startup + (building + self._sizing * self._points) * more
+
+
+class _Built(NamedTuple):
+    """What the map of a part is like, and how long it took."""
+
+    points: int
+    patches: int
+    seconds: float
+    dropped: dict[str, int]
+
+
+def _built(
+    parameters: Parameters, keyframes: Sequence[Keyframe], follow: Follower | None
+) -> _Built:
+    begin = time.perf_counter()
+    builder = MapBuilder(parameters, follow=follow)
+    for keyframe in keyframes:
+        builder.add(keyframe)
+    patches = builder.finish().size
+    seconds = time.perf_counter() - begin
+    return _Built(_size(keyframes), patches, seconds, dict(builder.report.dropped))
+
+
+def _power(ratio: float, of: float, low: float, high: float) -> float:
+    """Return the power to which a number has to be raised to give the ratio, within bounds."""
+    return min(high, max(low, math.log(ratio) / math.log(of)))
+
+
+def _part(keyframes: Sequence[Keyframe], share: float) -> Sequence[Keyframe]:
+    """Return the first keyframes with this share of the points, or a slab of a single one."""
+    wanted = share * _size(keyframes)
+    if len(keyframes) == 1:
+        return _slab(keyframes, math.ceil(wanted))
+    sizes = np.cumsum([len(keyframe.points) for keyframe in keyframes])
+    return keyframes[: int(np.searchsorted(sizes, wanted)) + 1]
+
+
+def _slab(keyframes: Sequence[Keyframe], most: int) -> Sequence[Keyframe]:
+    """Return at most so many points, those around the median of x, as dense as they lie."""
+    size = _size(keyframes)
+    if size <= most:
+        return keyframes
+    x = np.concatenate([keyframe.points[:, 0] for keyframe in keyframes])
+    begin = (size - most) // 2
+    inside = np.zeros(size, dtype=np.bool_)
+    inside[np.argsort(x, kind="stable")[begin : begin + most]] = True
+    ends = np.cumsum([len(keyframe.points) for keyframe in keyframes])
+    return [
+        Keyframe(keyframe.points[rows], keyframe.stamp, keyframe.position)
+        for keyframe, rows in zip(keyframes, np.split(inside, ends[:-1]), strict=True)
+    ]
+
+
+def _size(keyframes: Sequence[Keyframe]) -> int:
+    return sum(len(keyframe.points) for keyframe in keyframes)

@@ -1,0 +1,349 @@
+"""The vertical of a cloud.
+
+How these tests could be cheated: by a preference for z, by clouds in the order of their heights,
+by scenes without walls, or by real recordings whose axes are told by their names. So scenes are
+turned at random and the attitudes of real cameras, which are not told, say what is vertical.
+"""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mlscli.errors import InputError
+from mlscli.geometry.surroundings import PointSample
+from mlscli.geometry.up import Up
+from mlscli.geometry.vertical import find_up
+from mlscli.runtime.arrays import Float64
+from mlscli.scenes.flight import Flight, fly
+from mlscli.scenes.presets import make
+
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def found(points: Float64, route: Float64 | None = None, attitudes: Float64 | None = None) -> Up:
+    sample = PointSample()
+    sample.add(points)
+    return find_up(sample.points, route, attitudes)
+
+
+def degrees_between(a: Float64, b: Float64) -> float:
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
+def points_of(flight: Flight) -> Float64:
+    return np.concatenate([keyframe.points for keyframe in flight.keyframes])
+
+
+def route_of(flight: Flight) -> Float64:
+    return np.array([keyframe.position for keyframe in flight.keyframes])
+
+
+def level(rng: np.random.Generator, size: float, height: float, count: int) -> Float64:
+    """Return a level square about the z axis."""
+    xy = rng.uniform(-size / 2, size / 2, (count, 2))
+    return np.column_stack((xy, np.full(count, height)))
+
+
+# Synthetic flights
+
+FLIGHTS = ("house", "street", "stair", "gym", "parking")
+
+
+@cache
+def flight_over(name: str) -> Flight:
+    return fly(make(name), seed=1)
+
+
+@given(name=st.sampled_from(FLIGHTS), seed=st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=6, phases=[Phase.generate])
+def test_a_flight_turned_has_its_vertical_turned(name: str, seed: int) -> None:
+    flight = flight_over(name)
+    turn = Rotation.random(random_state=seed % 2**31)
+    points, route = turn.apply(points_of(flight)), turn.apply(route_of(flight))
+    attitudes = (turn * Rotation.from_quat(flight.attitudes)).as_quat()
+    # What is not known of the craft is not known.
+    route[::3] = np.nan
+    attitudes[1::3] = np.nan
+
+    for up in (found(points, route), found(points, route, attitudes)):
+        assert degrees_between(up.axis, turn.apply(Z)) < 3
+        np.testing.assert_allclose(up.matrix @ up.axis, Z, atol=1e-12)
+        assert 0 < up.level <= up.support <= 1
+        assert 44.99 < degrees_between(up.axis, up.runner_up) < 135.01
+        assert "the craft flew above" in up.summary
+
+
+@pytest.mark.parametrize("name", ["house", "gym"])
+def test_outliers_do_not_tilt_it(name: str) -> None:
+    rng = np.random.default_rng(len(name))
+    flight = flight_over(name)
+    points = points_of(flight)
+    low, high = points.min(axis=0) - 3, points.max(axis=0) + 3
+    stray = rng.uniform(low, high, (len(points) // 10, 3))
+    far = rng.normal(size=(20, 3)) * 1e6
+
+    up = found(np.concatenate((points, stray, far)), route_of(flight))
+
+    assert degrees_between(up.axis, Z) < 3
+
+
+def test_a_slab_of_noise_lies_flat() -> None:
+    rng = np.random.default_rng(12)
+    slab = rng.normal(size=(30_000, 3)) * 0.03 + level(rng, 2, 0, 30_000)
+    turn = Rotation.from_euler("x", -50, degrees=True)
+
+    assert (
+        degrees_between(found(turn.apply(slab), turn.apply([[0.0, 0.0, 1.0]])).axis, turn.apply(Z))
+        < 2
+    )
+
+
+def test_neither_the_order_of_the_points_nor_their_repetition_changes_a_bit() -> None:
+    rng = np.random.default_rng(1)
+    points = points_of(flight_over("street"))
+    once = found(points)
+    again = found(np.concatenate((points[rng.permutation(len(points))], points[:1000])))
+
+    assert once.axis.tobytes() == again.axis.tobytes()
+    assert once.runner_up.tobytes() == again.runner_up.tobytes()
+    assert once.summary == again.summary
+
+
+def test_the_craft_is_above_the_floor_also_where_there_are_more_points_on_the_ceiling() -> None:
+    rng = np.random.default_rng(2)
+    hall = np.concatenate((level(rng, 8, 0, 2000), level(rng, 8, 3, 1000)))
+    turn = Rotation.from_euler("x", 70, degrees=True)
+    route = np.column_stack((np.linspace(-3, 3, 20), np.zeros(20), np.full(20, 1.5)))
+
+    for upright in (1, -1):
+        points, flown = hall * (1, 1, upright), route * (1, 1, upright)
+        expected = turn.apply(Z * upright)
+        assert degrees_between(found(turn.apply(points), turn.apply(flown)).axis, expected) < 1
+
+
+def test_walls_larger_than_the_floor_do_not_lie_down() -> None:
+    # Walls that stand at any angle, three times as much of them as there is ground.
+    rng = np.random.default_rng(3)
+    parts = [level(rng, 20, 0, 3000)]
+    for angle in (0, 35, 80, 110, 150):
+        wall = level(rng, 1, 0, 1800) * (12, 4, 0)
+        stood = wall[:, [0, 2, 1]] + (0, 4, 2)
+        parts.append(Rotation.from_euler("z", angle, degrees=True).apply(stood))
+    turn = Rotation.random(random_state=4)
+
+    up = found(turn.apply(np.concatenate(parts)), turn.apply([[0.0, 0.0, 6.0]]))
+
+    assert degrees_between(up.axis, turn.apply(Z)) < 1
+    assert up.level == pytest.approx(0.25, abs=0.06)
+    assert up.plumb == pytest.approx(0.75, abs=0.06)
+
+
+def test_attitudes_tell_the_vertical_of_a_scene_that_is_all_facade() -> None:
+    rng = np.random.default_rng(5)
+    facade = level(rng, 10, 0, 3000)[:, [0, 2, 1]]
+    sill = level(rng, 1, 0, 300) * (8, 0.3, 0) + (0, 0.2, -2)
+    # The camera looks at it (its z is y) and turns left and right.
+    looking = Rotation.from_euler("x", -90, degrees=True)
+    attitudes = (
+        Rotation.from_euler("z", np.linspace(-70, 70, 30)[:, None], degrees=True) * looking
+    ).as_quat()
+    route = np.column_stack((np.linspace(-5, 5, 30), np.full(30, -6.0), np.zeros(30)))
+    points = np.concatenate((facade, sill))
+
+    assert degrees_between(found(points, route).axis, -np.eye(3)[1]) < 1
+    assert degrees_between(found(points, route, attitudes).axis, Z) < 1
+
+
+def test_an_axis_of_the_recording_is_found_as_that_axis() -> None:
+    rng = np.random.default_rng(6)
+    floor, box = level(rng, 10, 0, 5000), level(rng, 2, 1, 400)
+    points = np.concatenate((floor, box))[:, [0, 2, 1]]
+
+    up = found(points)
+
+    assert up.axis.tolist() == [0, 1, 0]
+    np.testing.assert_array_equal(up.matrix, [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    assert "up is y" in up.summary
+
+
+def test_without_a_route_an_unusual_vertical_is_told_by_what_stands_on_the_ground() -> None:
+    rng = np.random.default_rng(7)
+    trees = np.column_stack((rng.uniform(-9, 9, (900, 2)), rng.exponential(1.0, 900)))
+    points = np.concatenate((level(rng, 20, 0, 4000), trees))
+
+    for turn in (Rotation.from_euler("y", angle, degrees=True) for angle in (0, 60, 90, 120, 180)):
+        assert degrees_between(found(turn.apply(points)).axis, turn.apply(Z)) < 1
+
+
+def test_a_ceiling_without_its_floor_leaves_z_up() -> None:
+    rng = np.random.default_rng(8)
+    room = np.concatenate(
+        (level(rng, 8, 2.5, 4000), rng.uniform((-4, -4, 0.2), (4, 4, 2), (800, 3)))
+    )
+
+    up = found(room)
+
+    assert degrees_between(up.axis, Z) < 1
+    assert "most recordings have z up" in up.summary
+
+
+# What cannot be decided
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_axes_that_are_equal_are_both_named(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    floor = np.column_stack((level(rng, 10, 0, 3000)[:, :2], rng.normal(0, 0.02, 3000)))
+    wall = np.column_stack((level(rng, 10, 0, 3000)[:, :2], rng.normal(0, 0.02, 3000)))
+    points = np.concatenate((np.add(floor, (0, 5, 0)), np.add(wall[:, [0, 2, 1]], (0, 0, 5))))
+
+    with pytest.raises(InputError) as error:
+        found(points)
+    message = str(error.value)
+    assert "\n" not in message
+    assert "--up z" in message
+    assert "--up y" in message or "--up -y" in message
+    assert message.count("%") == 2
+
+
+def test_a_cube_has_no_vertical() -> None:
+    rng = np.random.default_rng(9)
+    sides = [
+        np.roll(level(rng, 2, height, 1500), axis, axis=1)
+        for axis in range(3)
+        for height in (-1, 1)
+    ]
+    with pytest.raises(InputError, match="two axes are supported about equally"):
+        found(np.concatenate(sides))
+
+
+def test_noise_has_no_vertical() -> None:
+    with pytest.raises(InputError, match="--up auto"):
+        found(np.random.default_rng(10).normal(size=(5000, 3)))
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 9])
+def test_a_few_points_have_none_either(count: int) -> None:
+    with pytest.raises(InputError, match=r"--up auto: found \d+ points"):
+        found(level(np.random.default_rng(11), 1, 0, count))
+
+
+def test_points_on_a_line_have_none() -> None:
+    with pytest.raises(InputError, match="--up auto"):
+        found(np.outer(np.arange(1000.0), [1.0, 2.0, 3.0]))
+
+
+# Real recordings
+
+
+def turning_axis(attitudes: Float64) -> Float64:
+    """Return the direction that cameras with y down see the least from another side."""
+    matrices = Rotation.from_quat(attitudes).as_matrix()
+    across = np.einsum("nij,nkj->ik", matrices[:, :, :1], matrices[:, :, :1])
+    axis = np.linalg.eigh(across)[1][:, 0]
+    return np.asarray(axis * -np.sign(matrices[:, :, 1].mean(axis=0) @ axis))
+
+
+def test_the_tello_flight_has_y_down_by_its_points_alone_and_with_its_route(
+    shared_data: Path,
+) -> None:
+    table = np.loadtxt(shared_data / "sparse/tello_kf_pointData.csv", delimiter=",")
+    _, first = np.unique(table[:, 7], return_index=True)
+    route, attitudes = table[first, 8:], table[first, 3:7]
+    vertical = turning_axis(attitudes)
+
+    assert degrees_between(vertical, np.array([0.0, -1.0, 0.0])) < 12
+    for up in (
+        found(table[:, :3]),
+        found(table[:, :3], route),
+        found(table[:, :3], route, attitudes),
+    ):
+        assert degrees_between(up.axis, vertical) < 5
+        assert "from -y" in up.summary
+
+
+@pytest.mark.parametrize("name", ["room1", "saloon", "ragged_trailing_commas"])
+def test_other_rooms_that_the_tello_saw_have_y_down(shared_data: Path, name: str) -> None:
+    path = shared_data / f"sparse/tello_{name}.csv"
+    points = np.loadtxt(path, delimiter=",", usecols=(0, 1, 2))
+
+    # The camera is mounted looking down a little, as in the flight with poses.
+    assert degrees_between(found(points).axis, np.array([0.0, -0.98, -0.2])) < 5
+
+
+@pytest.mark.parametrize(
+    ("cloud", "trajectory", "skipped"),
+    [
+        ("euroc_orb2_MapPoints", "euroc_orb2_KeyFrameTrajectory_tum", 0),
+        ("euroc_orb3_pointcloud", "euroc_orb3_KeyFrameTrajectory", 0),
+        ("euroc_orb3_ref_pointcloud", "euroc_orb3_KeyFrameTrajectory", 1),
+    ],
+)
+def test_the_euroc_flights_have_the_vertical_about_which_they_turned(
+    shared_data: Path, cloud: str, trajectory: str, skipped: int
+) -> None:
+    text = (shared_data / f"sparse/{cloud}.txt").read_text().replace(",", " ")
+    points = np.array([line.split() for line in text.splitlines()[skipped:]], dtype=np.float64)
+    poses = np.loadtxt(shared_data / f"sparse/{trajectory}.txt")
+    vertical = turning_axis(poses[:, 4:])
+
+    for up in (
+        found(points),
+        found(points, poses[:, 1:4]),
+        found(points, poses[:, 1:4], poses[:, 4:]),
+    ):
+        assert degrees_between(up.axis, vertical) < 7
+
+
+def colmap(folder: Path) -> tuple[Float64, Float64, Float64]:
+    """Return the points, the places and the attitudes of the cameras of a COLMAP model."""
+    data, points = (folder / "points3D.bin").read_bytes(), []
+    at = 8
+    for _ in range(struct.unpack_from("<Q", data)[0]):
+        points.append(struct.unpack_from("<3d", data, at + 8))
+        at += 51 + 8 * struct.unpack_from("<Q", data, at + 43)[0]
+    data, places, attitudes = (folder / "images.bin").read_bytes(), [], []
+    at = 8
+    for _ in range(struct.unpack_from("<Q", data)[0]):
+        w, x, y, z, *translation = struct.unpack_from("<7d", data, at + 4)
+        to_world = Rotation.from_quat([x, y, z, w]).inv()
+        places.append(-to_world.apply(translation))
+        attitudes.append(to_world.as_quat())
+        at = data.index(b"\0", at + 64) + 1
+        at += 8 + 24 * struct.unpack_from("<Q", data, at)[0]
+    return np.array(points), np.array(places), np.array(attitudes)
+
+
+def test_the_colmap_model_has_y_down_by_its_cameras(shared_data: Path) -> None:
+    up = found(*colmap(shared_data / "sparse/colmap_pysfm"))
+
+    assert degrees_between(up.axis, np.array([0.0, -1.0, 0.0])) < 5
+
+
+@pytest.mark.parametrize(
+    ("name", "skipped", "axis"),
+    [
+        ("footbridge_yup_dddmr_map.pcd", 11, (0, 1, 0)),
+        ("building_floors_cgal.ply", 12, (0, 0, 1)),
+        ("unitree_ISR_scan_01_raw.xyz", 0, (0, 0, 1)),
+        ("unitree_ISR_scan_02_raw.xyz", 0, (0, 0, 1)),
+        ("unitree_ISR_scan_02_registered.xyz", 0, (0, 0, 1)),
+    ],
+)
+def test_scans_without_a_route_have_their_vertical(
+    shared_data: Path, name: str, skipped: int, axis: tuple[float, float, float]
+) -> None:
+    path = shared_data / "multilevel" / name
+    points = np.loadtxt(path, skiprows=skipped, usecols=(0, 1, 2))
+
+    up = found(points)
+
+    assert degrees_between(up.axis, np.array(axis)) < 5

@@ -1,0 +1,347 @@
+"""The rules of the map and its stages as plain loops: slow, and obvious to read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from itertools import pairwise
+
+from mlscli.keyframes.batches import Points
+from tests.helpers.maps import Patch, ordered
+
+Point = tuple[float, float, float]
+
+
+def apart(one: Patch, other: Patch) -> float:
+    """Return the distance of two patches' intervals."""
+    if one.low > other.height:
+        return one.low - other.height
+    if other.low > one.height:
+        return other.low - one.height
+    return 0.0
+
+
+def cells(length: float, cell_size: float) -> int:
+    return math.floor(length / cell_size + 1e-9)
+
+
+# --- points ---
+
+
+def median(
+    points: Points, nb_radius: float, max_nb: int, min_nb: int, recentre: float = 0.0
+) -> list[tuple[Point, int]]:
+    rows = [tuple(row) for row in points.xyz.tolist()]
+
+    def neighbours(i: int, z: float) -> list[float]:
+        """Return the heights that count for point i if it were at height z."""
+        x, y, _ = rows[i]
+        near = []
+        for j, (ox, oy, oz) in enumerate(rows):
+            dx, dy, dz = ox - x, oy - y, oz - z
+            squared = (dx * dx + dy * dy) + dz * dz
+            if i != j and squared <= nb_radius * nb_radius:
+                near.append((squared, oz))
+        near.sort()
+        return [oz for _, oz in (near[:max_nb] if max_nb else near)]
+
+    result = []
+    for i, (x, y, z) in enumerate(rows):
+        if len(neighbours(i, z)) < min_nb:
+            continue
+        heights = sorted([z, *neighbours(i, z)])
+        middle = heights[len(heights) // 2]
+        if 0 < recentre < abs(middle - z):
+            heights = sorted([middle, *neighbours(i, middle)])
+            middle = heights[len(heights) // 2]
+        result.append(((x, y, middle), int(points.keyframe[i])))
+    return result
+
+
+def measured(
+    points: Points, cell_size: float, gap_size: float, thickness: float
+) -> list[dict[str, float]]:
+    """Return a row for each measured patch."""
+    columns: dict[tuple[int, int], list[tuple[float, int]]] = {}
+    for (x, y, z), keyframe in zip(points.xyz.tolist(), points.keyframe.tolist(), strict=True):
+        cell = math.floor(x / cell_size), math.floor(y / cell_size)
+        columns.setdefault(cell, []).append((z, keyframe))
+    rows = []
+    for (ix, iy), column in sorted(columns.items()):
+        column.sort()
+        groups = [[column[0]]]
+        for lower, upper in pairwise(column):
+            if upper[0] - lower[0] > gap_size:
+                groups.append([])
+            groups[-1].append(upper)
+        for group in groups:
+            z = [height for height, _ in group]
+            bottom, top, count = z[0], z[-1], len(z)
+            above = 0.0
+            for height in z:
+                above += height - bottom
+            mean = min(top, bottom + above / count)
+            squares = 0.0
+            for height in z:
+                squares += (height - mean) ** 2
+            variance = squares / count
+            vertical = min(top - bottom, math.sqrt(12 * variance)) > thickness
+            rows.append(
+                {
+                    "ix": ix,
+                    "iy": iy,
+                    "height": top if vertical else mean,
+                    "depth": top - bottom if vertical else 0.0,
+                    "top": top,
+                    "bottom": bottom,
+                    "mean": mean,
+                    "variance": variance,
+                    "count": count,
+                    "origin": 0,
+                    "region": -1,
+                    "first_keyframe": min(keyframe for _, keyframe in group),
+                    "last_keyframe": max(keyframe for _, keyframe in group),
+                }
+            )
+    return rows
+
+
+# --- stages on patches ---
+
+
+def orphans(
+    patches: list[Patch], cell_size: float, horizontal: float, vertical: float, min_neighbours: int
+) -> list[Patch]:
+    half = cells(horizontal, cell_size)
+
+    def neighbours(patch: Patch) -> int:
+        return sum(
+            other is not patch
+            and abs(other.ix - patch.ix) <= half
+            and abs(other.iy - patch.iy) <= half
+            and apart(patch, other) <= vertical
+            for other in patches
+        )
+
+    return [patch for patch in patches if neighbours(patch) >= min_neighbours]
+
+
+Rank = Callable[[Patch, Patch, int], tuple[float, ...] | None]
+
+
+def _look(
+    patches: list[Patch], patch: Patch, step: tuple[int, int], farthest: int, rank: Rank
+) -> tuple[Patch, int] | None:
+    """Return the patch that decides along a direction, and at which distance."""
+    for d in range(1, farthest + 1):
+        there = patch.ix + step[0] * d, patch.iy + step[1] * d
+        candidates = [(rank(patch, other, d), other) for other in patches if other.cell == there]
+        ranked = [(key, other) for key, other in candidates if key is not None]
+        if ranked:
+            return min(ranked, key=lambda pair: pair[0])[1], d
+    return None
+
+
+def _between(near: float, far: float, k: int, d: int) -> float:
+    value = (near * (d - k) + far * k) / d
+    return sorted((near, value, far))[1]
+
+
+def _closings(
+    patches: list[Patch], certain: int, allowed: int, rank: Rank, low: Callable[[Patch], float]
+) -> list[Patch]:
+    """Return what closes gaps along +x and +y, before it is known where there is room."""
+    result = []
+    for step in ((1, 0), (0, 1)):
+        back = -step[0], -step[1]
+        for near in patches:
+            found = _look(patches, near, step, allowed + 1, rank)
+            if found is None:
+                continue
+            far, d = found
+            answer = _look(patches, far, back, allowed + 1, rank)
+            if answer is None or answer[0] is not near:
+                continue
+            for k in range(1, d):
+                top = _between(near.height, far.height, k, d)
+                bottom = _between(low(near), low(far), k, d)
+                cell = near.ix + step[0] * k, near.iy + step[1] * k
+                origin = 1 if d - 1 <= certain else 2
+                result.append(Patch(*cell, top, top - bottom, origin, 0))
+    return result
+
+
+def _with_room(closings: list[Patch], there: list[Patch], gap_size: float) -> list[Patch]:
+    free = [
+        new
+        for new in closings
+        if all(old.cell != new.cell or apart(old, new) > gap_size for old in there)
+    ]
+    stay: list[Patch] = []
+    for new in sorted(free, key=lambda p: (-p.height, p.origin, -p.depth)):
+        above = [old for old in stay if old.cell == new.cell]
+        if not above or above[-1].low - new.height > gap_size:
+            stay.append(new)
+    return stay
+
+
+def plaster(
+    patches: list[Patch],
+    cell_size: float,
+    gap_size: float,
+    slope: float,
+    clearance: float,
+    max_gap: float,
+    max_gap_enhanced: float,
+    slope_reach: float = 0.0,
+) -> list[Patch]:
+    def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
+        difference = abs(other.height - patch.height)
+        trusted = min(d, slope_reach / cell_size) if slope_reach else d
+        if difference > slope * trusted * cell_size + clearance:
+            return None
+        return difference, -other.height
+
+    for length in _passes(max_gap, max_gap_enhanced):
+        certain, allowed = cells(max_gap, cell_size), cells(length, cell_size)
+        closings = _closings(patches, certain, allowed, rank, lambda patch: patch.height)
+        patches = patches + _with_room(closings, patches, gap_size)
+    return ordered(patches)
+
+
+def walls(
+    patches: list[Patch],
+    cell_size: float,
+    gap_size: float,
+    slope: float,
+    max_gap: float,
+    max_gap_enhanced: float,
+    join: float = 0.0,
+) -> list[Patch]:
+    def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
+        if apart(patch, other) > slope * d * cell_size:
+            return None
+        return apart(patch, other), abs(other.height - patch.height), -other.height
+
+    for length in _passes(max_gap, max_gap_enhanced):
+        certain, allowed = cells(max_gap, cell_size), cells(length, cell_size)
+        vertical = [patch for patch in patches if patch.depth > 0]
+        closings = _closings(vertical, certain, allowed, rank, lambda patch: patch.low)
+        holes = []
+        for lower, upper in pairwise(ordered(patches)):
+            space = upper.low - lower.height
+            both = lower.depth > 0 and upper.depth > 0 and lower.cell == upper.cell
+            if both and gap_size < space <= length:
+                holes.append(Patch(*lower.cell, upper.low, space, 1 if space <= max_gap else 2, 0))
+        patches = ordered(patches + holes + _with_room(closings, patches + holes, gap_size))
+    return _drawn_out(patches, gap_size, min(join, gap_size)) if join else patches
+
+
+def _drawn_out(patches: list[Patch], gap_size: float, farthest: float) -> list[Patch]:
+    ends = []
+    for patch in patches:
+        foot, top = patch.low, patch.height
+        for other in patches:
+            beside = max(abs(other.ix - patch.ix), abs(other.iy - patch.iy)) == 1
+            if beside and patch.depth > 0:
+                if patch.low - other.low <= farthest:
+                    foot = min(foot, other.low)
+                if other.height - patch.height <= farthest:
+                    top = max(top, other.height)
+        ends.append((foot, top))
+    result = []
+    for i, patch in enumerate(patches):
+        foot, top = ends[i]
+        if i > 0 and patches[i - 1].cell == patch.cell and foot - ends[i - 1][1] <= gap_size:
+            foot = patch.low
+        if i + 1 < len(patches) and patches[i + 1].cell == patch.cell:
+            top = patch.height if ends[i + 1][0] - top <= gap_size else top
+        moved = (foot, top) != (patch.low, patch.height)
+        result.append(patch._replace(height=top, depth=top - foot) if moved else patch)
+    return ordered(result)
+
+
+def _passes(max_gap: float, max_gap_enhanced: float) -> Iterable[float]:
+    return [max_gap, max_gap_enhanced] if max_gap_enhanced else [max_gap]
+
+
+def pyramids(
+    patches: list[Patch], gap_size: float, factor: float, max_height: float, pits: bool = False
+) -> list[Patch]:
+    result = []
+    for patch in patches:
+        others = [other for other in patches if other.cell == patch.cell and other is not patch]
+        heights = []
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            there = [p for p in patches if p.cell == (patch.ix + dx, patch.iy + dy)]
+            near = sorted(there, key=lambda p: (abs(p.height - patch.height), -p.height))
+            if near and abs(near[0].height - patch.height) <= max_height:
+                heights.append(near[0].height)
+        crowded = any(apart(patch, other) <= gap_size for other in others)
+        moved = patch
+        if not crowded and len(heights) == 4:
+            highest, lowest = max(heights), min(heights)
+            if patch.height - highest > factor * (highest - lowest):
+                moved = patch._replace(height=highest, depth=max(0.0, highest - patch.low))
+            elif pits and patch.depth == 0 and lowest - patch.height > factor * (highest - lowest):
+                moved = patch._replace(height=lowest)
+        if moved is patch or all(apart(moved, other) > gap_size for other in others):
+            result.append(moved)
+    return ordered(result)
+
+
+def _regions(patches: list[Patch], thresh: float) -> list[list[int]]:
+    """Return the regions as lists of patch numbers, in the order of their first patches."""
+    regions: list[list[int]] = []
+    seen: set[int] = set()
+    for first in range(len(patches)):
+        if first in seen:
+            continue
+        region, stack = [], [first]
+        seen.add(first)
+        while stack:
+            i = stack.pop()
+            region.append(i)
+            for j, other in enumerate(patches):
+                edge = abs(other.ix - patches[i].ix) + abs(other.iy - patches[i].iy) == 1
+                if edge and j not in seen and abs(other.height - patches[i].height) <= thresh:
+                    seen.add(j)
+                    stack.append(j)
+        regions.append(region)
+    return regions
+
+
+def _numbered(patches: list[Patch], regions: list[list[int]]) -> list[Patch]:
+    return ordered(
+        [patches[i]._replace(region=n) for n, region in enumerate(regions) for i in region]
+    )
+
+
+def regions(
+    patches: list[Patch], gap_size: float, thresh: float, min_size: int, snap: bool
+) -> list[Patch]:
+    found = _regions(patches, thresh)
+    large = [region for region in found if len(region) >= min_size]
+    if not snap:
+        return _numbered(patches, large)
+    kept = {i for region in large for i in region}
+    moved: dict[int, Patch] = {}
+    for i, patch in enumerate(patches):
+        targets = [
+            patches[j].height
+            for j in kept
+            if abs(patches[j].ix - patch.ix) + abs(patches[j].iy - patch.iy) == 1
+            and abs(patches[j].height - patch.height) <= gap_size
+        ]
+        if i not in kept and targets:
+            target = min(targets, key=lambda height: (abs(height - patch.height), -height))
+            moved[i] = patch._replace(height=target)
+    stay = [patches[i] for i in sorted(kept)]
+    for i, patch in moved.items():
+        others = [j for j in range(len(patches)) if j != i and patches[j].cell == patch.cell]
+        as_they_were = [patches[j] for j in others]
+        as_moved = [moved[j] for j in others if j in moved]
+        if all(apart(patch, other) > gap_size for other in as_they_were + as_moved):
+            stay.append(patch)
+    stay = ordered(stay)
+    return _numbered(stay, _regions(stay, thresh))

@@ -1,0 +1,229 @@
+"""Recordings: sources told by content, turned, cut and counted.
+
+How these tests could be cheated: by formats told by their endings, by turns that are right for
+one axis, by counts that add up only when one reason occurs, or by a second pass that remembers
+the first. So wrong names are everywhere, turns are checked against the rule written out as
+functions, every reason occurs in one recording, and passes are repeated.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlscli.errors import InputError, MlsError, UsageError
+from mlscli.io.reading.recording import open_recording
+from mlscli.keyframes.keyframe import Keyframe
+from tests.helpers.bags import Sent, write_bag
+from tests.helpers.keyframes import xs
+from tests.helpers.texts import text
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_the_tello_flight_is_the_same_from_text_and_from_every_kind_of_bag(
+    tmp_path: Path, shared_data: Path
+) -> None:
+    path = shared_data / "sparse/tello_kf_pointData.csv"
+    columns = "x,y,z,-,-,-,-,keyframe,cx,cy,cz"
+    original = list(open_recording(path, columns=columns).keyframes())
+    messages = [Sent(k.points, nanoseconds=n * 10**8) for n, k in enumerate(original)]
+    for kind in ("ros1", "ros2", "mcap"):
+        recording = open_recording(write_bag(tmp_path / kind, messages, kind))
+        keyframes = list(recording.keyframes())
+
+        assert recording.expected_keyframes == len(keyframes) == 102
+        assert recording.tally.points_read == 13_859
+        for ours, theirs in zip(keyframes, original, strict=True):
+            assert ours.points.tobytes() == theirs.points.tobytes()
+        assert [k.stamp for k in keyframes] == [n / 10 for n in range(102)]
+
+
+# Frames
+
+
+@pytest.mark.parametrize("frame", ["map", "/odom", "world", "uav1/local_origin"])
+def test_clouds_in_a_world_frame_are_taken_as_they_are(tmp_path: Path, frame: str) -> None:
+    recording = open_recording(
+        write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)), frame_id=frame)])
+    )
+
+    assert xs(recording) == [1]
+    assert recording.frame_id == frame.lstrip("/")
+    assert ["taken as they are" in note for note in recording.notes] == [True]
+
+
+def test_clouds_that_state_no_frame_are_taken_as_they_are(tmp_path: Path) -> None:
+    recording = open_recording(write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)), frame_id="")]))
+
+    assert xs(recording) == [1]
+    assert recording.frame_id == "map"
+
+
+def test_clouds_of_a_sensor_need_their_frame_declared(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)), frame_id="lidar")])
+
+    with pytest.raises(InputError, match=r"/cloud: .*'lidar'.* world frame .*--frame lidar"):
+        open_recording(bag)
+    assert open_recording(bag, frame="/lidar").frame_id == "lidar"
+    assert xs(open_recording(bag, frame="lidar")) == [1]
+    with pytest.raises(InputError, match="'lidar', expected the map frame 'map'"):
+        xs(open_recording(bag, frame="map"))
+
+
+def test_frames_must_not_change_within_a_recording(tmp_path: Path) -> None:
+    clouds = [Sent(np.ones((1, 3)), frame_id=frame) for frame in ("map", "odom")]
+
+    with pytest.raises(InputError, match="'odom', expected the map frame 'map'"):
+        xs(open_recording(write_bag(tmp_path / "a.bag", clouds)))
+
+
+# Turning, dropping, counting
+
+TURNS: dict[str, Callable[[float, float, float], tuple[float, float, float]]] = {
+    "z": lambda x, y, z: (x, y, z),
+    "-z": lambda x, y, z: (x, -y, -z),
+    "y": lambda x, y, z: (x, -z, y),
+    "-y": lambda x, y, z: (x, z, -y),
+    "x": lambda x, y, z: (-z, y, x),
+    "-x": lambda x, y, z: (z, y, -x),
+}
+
+
+@pytest.mark.parametrize("up", TURNS)
+def test_points_and_route_are_turned_so_that_up_is_z(tmp_path: Path, up: str) -> None:
+    path = text(tmp_path, "1 2 3 4 5 6\n")
+    (keyframe,) = open_recording(path, columns="x,y,z,cx,cy,cz", up=up).keyframes()
+
+    assert keyframe.points.tolist() == [list(TURNS[up](1, 2, 3))]
+    assert keyframe.position == TURNS[up](4, 5, 6)
+
+
+@pytest.mark.parametrize("up", TURNS)
+def test_no_coordinate_is_a_negative_zero(tmp_path: Path, up: str) -> None:
+    path = text(tmp_path, "0 -0.0 0 -0.0 0 -0.0\n-0.0 0 -0.0 0 0 0\n")
+    (keyframe,) = open_recording(path, columns="x,y,z,cx,cy,cz", up=up).keyframes()
+
+    assert not np.signbit(keyframe.points).any()
+    assert not np.signbit(keyframe.position).any()
+
+
+def test_a_keyframe_is_a_contiguous_array_whatever_the_turn(tmp_path: Path) -> None:
+    (keyframe,) = open_recording(text(tmp_path, "1 2 3\n4 5 6\n"), up="-y").keyframes()
+
+    assert keyframe.points.flags.c_contiguous
+    assert keyframe.points.dtype == np.float64
+
+
+def test_points_are_dropped_and_counted_by_the_first_reason(tmp_path: Path) -> None:
+    path = text(
+        tmp_path,
+        "1 1 1 0\nnan 0 0 0\ninf 1e9 0 0\n1e8 0 0 0\n-1.00000001e8 0 0 0\n0 0 1e33 1\n"
+        "5 0 0 1\n1 1 1 1\n5 0 0 1\n2 2 2 2\n2 2 2 2\n",
+    )
+    recording = open_recording(path, crop=(-9, 4, -9, 9, -9, 9), cumulative=True)
+
+    for _ in range(2):
+        clouds = [keyframe.points.tolist() for keyframe in recording.keyframes()]
+        assert clouds == [[[1, 1, 1]], [], [[2, 2, 2]]]
+        assert recording.tally.points_read == 11
+        assert recording.tally.keyframes == 3
+        assert recording.tally.dropped == {
+            "not finite": 2,
+            "beyond 1e8": 2,
+            "outside the crop": 3,
+            "repeated": 2,
+        }
+
+
+def test_the_crop_is_inclusive_and_of_the_turned_points(tmp_path: Path) -> None:
+    path = text(tmp_path, "1 -3 2\n1 -3.5 2\n")
+    (keyframe,) = open_recording(path, up="-y", crop=(1, 1, 2, 2, 3, 3)).keyframes()
+
+    assert keyframe.points.tolist() == [[1, 2, 3]]
+
+
+def test_repeated_points_are_known_across_sources(tmp_path: Path) -> None:
+    one = text(tmp_path, "1 0 0\n2 0 0\n1 0 0\n", "one.txt")
+    two = text(tmp_path, "2 0 0\n3 0 0\n0.0 0 0\n-0.0 0 0\n", "two.txt")
+
+    assert xs(open_recording(one, two, cumulative=True)) == [1, 2, 3, 0]
+    assert xs(open_recording(one, two)) == [1, 2, 1, 2, 3, 0, 0]
+
+
+# Several sources, wrong options, and nothing left
+
+
+def test_several_sources_are_one_flight_in_the_order_given(tmp_path: Path) -> None:
+    two = text(tmp_path, "2 0 0\n", "two.txt")
+    one = text(tmp_path, "1 0 0\n", "one.txt")
+    recording = open_recording(two, str(one))
+
+    assert xs(recording) == [2, 1]
+    assert recording.sources == [str(two), str(one)]
+
+
+def test_options_that_fit_no_source_are_wrong_usage(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--topic /cloud: no source is a bag"):
+        open_recording(text(tmp_path, "1 2 3\n"), topic="/cloud")
+    bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)))])
+    with pytest.raises(UsageError, match="--columns x,y,z: no source is a text cloud"):
+        open_recording(bag, columns="x,y,z")
+    (tmp_path / "a.ply").write_bytes(b"ply\n")
+    with pytest.raises(UsageError, match="--columns x,y,z: no source is a text cloud"):
+        open_recording(tmp_path / "a.ply", columns="x,y,z")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"crop": (50, 60, 0, 0, 0, 0)}, "all 6 were dropped, 6 outside the crop"),
+        ({"start": 99.0}, "holds no keyframes between --start and --end"),
+    ],
+)
+def test_a_pass_that_yields_nothing_ends_in_an_error_that_says_why(
+    timed: Path, options: dict[str, Any], words: str
+) -> None:
+    keyframes: list[Keyframe] = []
+    with pytest.raises(InputError, match=words):
+        keyframes.extend(open_recording(timed, **options).keyframes())
+    assert sum(len(keyframe.points) for keyframe in keyframes) == 0
+
+
+def test_losses_of_all_sources_are_those_of_the_last_pass(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "flight", [Sent(np.ones((2, 3)), nanoseconds=1)] * 3, "ros2")
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("message_count: 3", "message_count: 5"))
+    recording = open_recording(bag, text(tmp_path, "1 2 3\n"))
+
+    for _ in range(2):
+        assert len(list(recording.keyframes())) == 4
+        assert ["declares 5 messages, the files hold 3" in loss for loss in recording.losses] == [
+            True
+        ]
+
+
+def test_errors_of_reading_are_errors_of_the_program(tmp_path: Path) -> None:
+    for content in ("1 2\n", "a b c\n1 2 3\n", "1 2 x\n"):
+        with pytest.raises(MlsError):
+            xs(open_recording(text(tmp_path, content)))
+
+
+def test_text_is_read_without_the_libraries_for_bags_and_kernels(tmp_path: Path) -> None:
+    path = text(tmp_path, "1 2 3\n")
+    program = (
+        "import sys; from mlscli.io.reading.recording import open_recording; "
+        f"assert len(list(open_recording({str(path)!r}).keyframes())) == 1; "
+        "print([name for name in ('rosbags', 'numba', 'scipy', 'mcap') if name in sys.modules])"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+
+    assert run.stdout.strip() == "[]"

@@ -1,0 +1,207 @@
+"""Map files: what is written is read back, and what is damaged is named.
+
+How one could cheat: compare with `==` alone, which leaves out route and meta; damage only the
+container, never an array.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlscli.errors import InputError, OutputError
+from mlscli.io.writing.npz import is_map, read_map, write_map
+from mlscli.maps.stored_map import StoredMap
+from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.runtime.scratch import Scratch
+from tests.helpers.maps import random_map
+
+ARRAYS = ["format", "version", "cell_size", "gap_size", "thickness", *COLUMNS]
+ARRAYS += ["frame_id", "route", "meta"]
+
+
+@pytest.fixture
+def surface() -> SurfaceMap:
+    surface = random_map(np.random.default_rng(4), fill=0.9)
+    assert surface.size > 50
+    surface.meta["sources"] = ["Überflug.bag"]
+    return surface
+
+
+@pytest.fixture
+def written(surface: SurfaceMap, tmp_path: Path) -> Path:
+    path = tmp_path / "flight.npz"
+    write_map(path, surface)
+    return path
+
+
+def rewrite(path: Path, **changed: Any) -> None:
+    """Write the arrays again with numpy's own writer, some of them changed or (None) left out."""
+    with np.load(path) as arrays:
+        kept = dict(arrays) | changed
+    np.savez(path, **{name: array for name, array in kept.items() if array is not None})
+
+
+def test_a_map_is_read_back_as_it_was_written(surface: SurfaceMap, written: Path) -> None:
+    back = read_map(written)
+    assert back == surface
+    assert back.meta == surface.meta
+    assert back.route.tobytes() == surface.route.tobytes()
+
+
+def test_numpy_reads_the_file_without_pickles(surface: SurfaceMap, written: Path) -> None:
+    with np.load(written, allow_pickle=False) as arrays:
+        assert sorted(arrays) == sorted(ARRAYS)
+        assert str(arrays["format"]) == "mls-map"
+        assert int(arrays["version"]) == 1
+        for name, dtype in COLUMNS.items():
+            assert arrays[name].dtype == dtype
+            np.testing.assert_array_equal(arrays[name], getattr(surface, name))
+
+
+def test_what_numpy_wrote_is_read(surface: SurfaceMap, written: Path) -> None:
+    rewrite(written)
+    assert read_map(written) == surface
+    with np.load(written) as arrays:
+        np.savez_compressed(written, **dict(arrays))
+    assert read_map(written) == surface
+
+
+def test_equal_maps_make_equal_files(surface: SurfaceMap, tmp_path: Path) -> None:
+    for name in ("a.npz", "b.npz"):
+        write_map(tmp_path / name, surface)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_map_on_disk_is_written_part_by_part_as_at_once(
+    surface: SurfaceMap, written: Path, tmp_path: Path
+) -> None:
+    with Scratch() as scratch:
+        stored = StoredMap(surface, [])
+        for first, last in ((None, 1), (2, 2), (3, None)):
+            stored.put(surface.crop(min_x=first, max_x=last), scratch)
+        assert stored.size == surface.size
+        write_map(tmp_path / "stored.npz", stored)
+    assert (tmp_path / "stored.npz").read_bytes() == written.read_bytes()
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_a_missing_array_is_named(written: Path, name: str) -> None:
+    rewrite(written, **{name: None})
+    with pytest.raises(InputError, match=rf"flight\.npz: {name}: is missing"):
+        read_map(written)
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_an_array_of_another_type_is_named(written: Path, name: str) -> None:
+    rewrite(written, **{name: np.array([b"x"])})
+    with pytest.raises(InputError, match=rf"flight\.npz: {name}: ") as caught:
+        read_map(written)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_column_that_is_too_short_is_named(written: Path, name: str) -> None:
+    with np.load(written) as arrays:
+        short = arrays[name][:-1]
+    rewrite(written, **{name: short})
+    with pytest.raises(InputError, match="has shape"):
+        read_map(written)
+
+
+def test_pickled_objects_are_refused(written: Path) -> None:
+    rewrite(written, meta=np.array({"a": 1}, dtype=object))
+    with pytest.raises(InputError, match="meta"):
+        read_map(written)
+
+
+def test_a_size_that_is_only_claimed_is_refused_before_memory_is_given(written: Path) -> None:
+    header = io.BytesIO()
+    claimed = {"descr": "<f8", "fortran_order": False, "shape": (10**15,)}
+    np.lib.format.write_array_header_1_0(header, claimed)
+    with np.load(written) as arrays:
+        kept = dict(arrays)
+    with zipfile.ZipFile(written, "w") as archive:
+        for name, array in kept.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                if name == "ix":
+                    member.write(header.getvalue())
+                else:
+                    np.lib.format.write_array(member, array)
+    with pytest.raises(InputError, match="ix: declares"):
+        read_map(written)
+
+
+def test_a_map_cut_anywhere_is_refused_in_one_line(written: Path) -> None:
+    data = written.read_bytes()
+    for size in np.linspace(0, len(data) - 1, 60).astype(int):
+        written.write_bytes(data[:size])
+        with pytest.raises(InputError) as caught:
+            read_map(written)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_map_with_flipped_bits_is_refused_or_the_same_but_never_another(
+    surface: SurfaceMap, written: Path
+) -> None:
+    data = written.read_bytes()
+    rng = np.random.default_rng(2)
+    for at in rng.integers(0, len(data), 200):
+        damaged = bytearray(data)
+        damaged[at] ^= 1 << int(rng.integers(8))
+        written.write_bytes(damaged)
+        back = None
+        with suppress(InputError):
+            back = read_map(written)
+        assert back is None or back == surface
+
+
+def test_a_map_is_told_by_content(written: Path, tmp_path: Path) -> None:
+    assert is_map(written)
+    other = tmp_path / "other.npz"
+    np.savez(other, x=np.zeros(3))
+    assert not is_map(other)
+    assert not is_map(tmp_path / "none.npz")
+    text = tmp_path / "text.npz"
+    text.write_text("0 0 0\n")
+    assert not is_map(text)
+
+
+def test_an_existing_file_is_replaced_only_when_asked(surface: SurfaceMap, written: Path) -> None:
+    before = written.read_bytes()
+    with pytest.raises(OutputError, match="--overwrite"):
+        write_map(written, surface)
+    assert written.read_bytes() == before
+    write_map(written, surface.take(np.arange(1)), overwrite=True)
+    assert read_map(written).size == 1
+
+
+def test_a_failed_write_leaves_nothing(surface: SurfaceMap, tmp_path: Path) -> None:
+    surface.meta["bad"] = float("nan")
+    with pytest.raises(ValueError, match="JSON"):
+        write_map(tmp_path / "map.npz", surface)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("version", [0, 2])
+def test_another_version_is_refused(written: Path, version: int) -> None:
+    rewrite(written, version=np.array(version))
+    with pytest.raises(InputError, match=rf"version: is {version}; this program reads version 1"):
+        read_map(written)
+
+
+def test_a_map_out_of_order_or_with_odd_meta_is_refused(written: Path) -> None:
+    with np.load(written) as arrays:
+        ix = arrays["ix"]
+    rewrite(written, ix=np.append(ix[1:], ix[:1] - 1))
+    with pytest.raises(InputError, match="sorted"):
+        read_map(written)
+    rewrite(written, ix=ix, meta=np.array("[1, 2]"))
+    with pytest.raises(InputError, match="meta: holds a JSON list"):
+        read_map(written)
