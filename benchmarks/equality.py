@@ -144,7 +144,7 @@ def tiled(
     blocks = PointBlocks(pipeline.cell_size, shift=shift)
     blocks.add(points)
     tiles = tiles_of(blocks, pipeline.reach, most)
-    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
+    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
     seconds = time.perf_counter() - begin
     differing = differ(surface, one_pass([Keyframe(xyz)], parameters))
     return Row(how, len(tiles), surface.size, 1, differing, seconds)
@@ -159,7 +159,7 @@ def one_pass(keyframes: Sequence[Keyframe], parameters: Parameters) -> SurfaceMa
 
 def differ(one: SurfaceMap, other: SurfaceMap) -> int:
     """Count the patches that one of two maps has and the other has not."""
-    change = Change.between(records_of(one), records_of(other), one)
+    change = Change.between(records_of(one), records_of(other), one.grid)
     return change.removed.size + change.added.size
 
 

@@ -21,6 +21,7 @@ from benchmarks.process import ran
 from benchmarks.table import HEAD, SHORT_HEAD, Row, Timer, lines
 from benchmarks.topics.median import MEDIAN, tree_median
 from benchmarks.topics.patches import GAP, lexsorted, packed_groups
+from mlscli.maps.grid import Grid
 from mlscli.pipeline.grouping import group
 
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
@@ -31,7 +32,7 @@ def test_what_is_compared_gives_the_same_medians_and_patches() -> None:
     mine = MEDIAN.apply(points, CELL).xyz[:, 2]
     assert 1000 < len(mine) < 3000
     np.testing.assert_array_equal(mine, tree_median(points.xyz))
-    surface = group(points, CELL, GAP, CELL)
+    surface = group(points, Grid(CELL, GAP, CELL))
     for grouped in (packed_groups, lexsorted):
         top, mean, variance = grouped(points.xyz)
         np.testing.assert_array_equal(surface.top, top)

@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.clouds import CELL, cloud
 from benchmarks.table import Row, Timer, Work
+from mlscli.maps.grid import Grid
 from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Float64, Int64
 
@@ -29,7 +30,7 @@ def rows(timer: Timer) -> Iterator[Row]:
                     missing.append(name)
                 else:
                     works[found[0]] = found[1]
-        mine = partial(group, points, CELL, GAP, CELL)
+        mine = partial(group, points, Grid(CELL, GAP, CELL))
         ours, *others = timer.rates(SIZE, mine, *works.values())
         what = f"patches of {SIZE:,} points, {density:g} a cell"
         for instead, other in zip(works, others, strict=True):

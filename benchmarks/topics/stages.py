@@ -9,6 +9,7 @@ from benchmarks.clouds import CELL, cloud, plain
 from benchmarks.table import Row, Timer
 from benchmarks.topics.patches import GAP
 from mlscli.config import load, loads
+from mlscli.maps.grid import Grid
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.stages.stage import MapStage
 
@@ -29,7 +30,7 @@ def rows(timer: Timer) -> Iterator[Row]:
         )
         if isinstance(stage, MapStage)
     ]
-    levels = group(cloud(SIZE, DENSITY), CELL, GAP, CELL)
+    levels = group(cloud(SIZE, DENSITY), Grid(CELL, GAP, CELL))
     measured = []
     for name, surface in (("a plain", plain(SIDE)), ("levels with gaps", levels)):
         for stage in stages:

@@ -101,7 +101,7 @@ class MapBuilder:
         self._waiting: list[Keyframe] = []
         self._waiting_points = 0
         self._keyframes = 0
-        self._routes: list[Float64] = [self._pipeline.empty.route]
+        self._routes: list[Float64] = [np.empty((0, 4))]
         self._routes_told = 0
         self._batches: list[Points] = []
         self._growing: GrowingMap | None = None
@@ -204,7 +204,7 @@ class MapBuilder:
     def _seed(self) -> GrowingMap:
         """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
         kind = SequentialMap if self.parameters.mode == "sequential" else ConsistentMap
-        trial = Pipeline(self.parameters, self._pipeline.empty.frame_id, Report())
+        trial = Pipeline(self.parameters, self._pipeline.grid.frame_id, Report())
         # Two points: a column of one is laid out otherwise, for which kernels would be made anew.
         kind(trial).grow(gather([Keyframe(np.zeros((2, 3)))]).points)
         return kind(self._pipeline)

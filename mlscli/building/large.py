@@ -21,6 +21,7 @@ from mlscli.building.build import emptied, feed
 from mlscli.building.builder import MapBuilder, check_workers
 from mlscli.errors import InputError, UsageError
 from mlscli.maps.change import points_in
+from mlscli.maps.grid import Grid
 from mlscli.maps.patches import runs
 from mlscli.maps.records import records_of, surface_of
 from mlscli.maps.stored_map import StoredMap
@@ -185,22 +186,21 @@ class _LargeMapBuilder(MapBuilder):
             _PatchesByX.of(surface, self._disk)
             for surface in in_tiles(pipeline, self._blocks, tiles, self._evaluators, self._progress)
         ]
-        strips = _strips(parts, pipeline.empty, self._room // 2 // ORDERED)
+        strips = _strips(parts, pipeline.grid, self._room // 2 // ORDERED)
         if pipeline.final_stages:
             patches = sum(int(part.start[-1]) for part in parts)
             if patches * FINISHED > self._room:
                 least = self._memory - self._room + patches * FINISHED
                 what = f"{pipeline.final_stages[0].name} needs the whole map, {patches:,} patches"
                 raise too_little(self._memory, least, what)
-            strips = iter([pipeline.finished(joined(pipeline.empty, list(strips)), self._progress)])
-        surface = StoredMap(pipeline.empty, [])
+            strips = iter([pipeline.finished(joined(pipeline.grid, list(strips)), self._progress)])
+        surface = StoredMap(pipeline.grid, [])
         kept = 0
         with self.report.timed("writing"):
             for strip in strips:
                 surface.put(strip, self._disk)
                 kept += points_in(strip)
-        head = replace(pipeline.empty, route=np.concatenate(self._routes), meta=self._meta(kept))
-        return replace(surface, head=head)
+        return replace(surface, route=np.concatenate(self._routes), meta=self._meta(kept))
 
     def _tiles(self) -> list[Tile]:
         most = self._left // self._evaluators.memory_per_point
@@ -233,7 +233,7 @@ class _PatchesByX(NamedTuple):
         return self.patches[begin:end]
 
 
-def _strips(parts: list[_PatchesByX], empty: SurfaceMap, most: int) -> Iterator[SurfaceMap]:
+def _strips(parts: list[_PatchesByX], grid: Grid, most: int) -> Iterator[SurfaceMap]:
     """Yield the map in strips along y, of about so many patches at most, in the file's order."""
     ix, places = np.unique(np.concatenate([part.ix for part in parts]), return_inverse=True)
     sizes = np.zeros(len(ix), dtype=np.int64)
@@ -241,7 +241,7 @@ def _strips(parts: list[_PatchesByX], empty: SurfaceMap, most: int) -> Iterator[
     strip = np.cumsum(sizes) // max(most, 1)
     for first, last in pairwise([*ix[runs(strip)[:-1]].tolist(), 2**31]):
         records = [part.between(first, last) for part in parts]
-        yield joined(empty, [surface_of(part, empty) for part in records if len(part)])
+        yield joined(grid, [surface_of(part, grid) for part in records if len(part)])
 
 
 def too_little(memory: int, least: int, why: str = "") -> UsageError:

@@ -210,11 +210,10 @@ def _nobody(change: Change) -> None:
 
 
 def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[str, Any]:
-    from mlscli.maps.stored_map import head_of
     from mlscli.maps.summary import describe
 
-    head = head_of(built.surface)
-    meta = head.meta
+    surface = built.surface
+    meta = surface.meta
     return {
         "map": target,
         **describe(built.surface),
@@ -223,7 +222,7 @@ def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[
         "batches": meta["batches"],
         "mode": meta["parameters"]["mode"],
         "lost": losses,
-        "pace": _pace(built.report, head.route[:, 0].tolist()),
+        "pace": _pace(built.report, surface.route[:, 0].tolist()),
     }
 
 

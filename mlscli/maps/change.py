@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from mlscli.maps.cells import CellSet
-from mlscli.maps.records import counted, records_in, records_of, rows_in, surface_of
+from mlscli.maps.grid import Grid
+from mlscli.maps.records import columns_of, counted, records_in, records_of, rows_in, surface_of
 from mlscli.maps.rows import missing
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array, Float64, UInt64
@@ -25,37 +26,36 @@ class Change:
     ----------
     gone, come : uint64 (N, words)
         Patches of the state before, and of the state after, as rows of `mlscli.maps.records`.
-    like : SurfaceMap
-        Gives cell size, gap size, thickness and frame.
+    grid : Grid
     route : float64 (K, 4)
         The rows that the route gains, as in `SurfaceMap`.
     """
 
     gone: UInt64
     come: UInt64
-    like: SurfaceMap
+    grid: Grid
     route: Float64 = field(default_factory=lambda: np.empty((0, 4)))
 
     @classmethod
     def of(cls, removed: SurfaceMap, added: SurfaceMap, route: Float64) -> Change:
         """Return the change that takes some patches away and puts others there."""
-        return cls(rows_in(records_of(removed)), rows_in(records_of(added)), removed, route)
+        return cls(rows_in(records_of(removed)), rows_in(records_of(added)), removed.grid, route)
 
     @classmethod
-    def between(cls, before: Array, after: Array, like: SurfaceMap) -> Change:
+    def between(cls, before: Array, after: Array, grid: Grid) -> Change:
         """Return the difference of two states, given as records."""
         one, other = rows_in(before), rows_in(after)
-        return cls(missing(one, other), missing(other, one), like)
+        return cls(missing(one, other), missing(other, one), grid)
 
     @cached_property
     def removed(self) -> SurfaceMap:
         """Patches of the state before; their keyframes number the rows of the whole map's route."""
-        return surface_of(records_in(self.gone), self.like)
+        return surface_of(records_in(self.gone), self.grid)
 
     @cached_property
     def added(self) -> SurfaceMap:
         """Patches of the state after."""
-        return surface_of(records_in(self.come), self.like)
+        return surface_of(records_in(self.come), self.grid)
 
     @property
     def cells(self) -> CellSet:
@@ -70,7 +70,7 @@ class Change:
     def applied_to(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the state after, given the state before."""
         stays = missing(rows_in(records_of(surface)), self.gone)
-        return surface_of(records_in(stays), surface).union(self.added)
+        return replace(surface, **columns_of(records_in(stays))).union(self.added)
 
 
 def points_in(surface: SurfaceMap) -> int:

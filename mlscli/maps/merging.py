@@ -13,15 +13,37 @@ from typing import Any
 import numpy as np
 
 from mlscli.maps.cells import pack
+from mlscli.maps.grid import Grid
 from mlscli.maps.patches import distance, within_gap
-from mlscli.maps.records import records_of, surface_of
+from mlscli.maps.records import columns_of, records_of
 from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.runtime.arrays import ZERO, Array, Bool, Int64
 from mlscli.runtime.kernels import inner, kernel
 
 
 def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
-    """Return the map of both; see `SurfaceMap.merge`."""
+    """Return the map of both: as if the other's recording had followed the one's.
+
+    Measured groups whose [bottom, top] come within `gap_size` become one (statistics by Chan's
+    formula); the others stay as they are. Inserted patches within `gap_size` of what the other
+    map measured go; of two inserted ones that meet, one from each map, the higher stays.
+
+    Parameters
+    ----------
+    one, other : SurfaceMap
+        The frame and the meta of the one are kept. The other's keyframes are numbered on from the
+        one's route; regions are numbered no more (-1).
+
+    Returns
+    -------
+    SurfaceMap
+
+    Raises
+    ------
+    UsageError
+        Where cell size, gap size or thickness differ.
+    """
+    one.grid.require_same(other.grid)
     shift = np.where(other.origin == MEASURED, len(one.route), 0).astype(np.int32)
     other = replace(
         other,
@@ -31,7 +53,7 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     linked, from_one, from_other = _linked(
         records_of(one), records_of(other), one.gap_size, one.thickness
     )
-    measured = surface_of(linked, one)
+    measured = replace(one, **columns_of(linked))
     of_one = _apart(_inserted(one), measured.take(from_other))
     of_other = _apart(_inserted(other), measured.take(from_one))
     inserted = _yield_to_higher(of_one, of_other).union(_yield_to_higher(of_other, of_one, True))
@@ -43,14 +65,14 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     )
 
 
-def with_measured(records: Array, new: Array, like: SurfaceMap) -> Array:
+def with_measured(records: Array, new: Array, grid: Grid) -> Array:
     """Add measured patches to those of a growing map (thesis, section 4.1, step 4).
 
     They merge with measured patches only, undo corrections made to those, and delete inserted
     patches within `gap_size`. Both are given as records, in the order of maps; keyframes of both
     count from the same route.
     """
-    added: Array = _added(records, new, like.gap_size, like.thickness)
+    added: Array = _added(records, new, grid.gap_size, grid.thickness)
     return added
 
 

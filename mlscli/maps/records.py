@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.maps.cells import cell_of, key_of
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.runtime.arrays import Array, Float64, Int32, UInt8, UInt32, UInt64
 from mlscli.runtime.kernels import kernel
@@ -44,18 +45,14 @@ def records_of(surface: SurfaceMap) -> Array:
     return records
 
 
-def surface_of(records: Array, like: SurfaceMap) -> SurfaceMap:
-    """Return the map of records, in their order; all but its patches is like another's."""
-    columns = dict(zip(COLUMNS, _taken_apart(np.asarray(records)), strict=True))
-    return SurfaceMap(
-        like.cell_size,
-        like.gap_size,
-        like.thickness,
-        **columns,
-        frame_id=like.frame_id,
-        route=like.route,
-        meta=like.meta,
-    )
+def columns_of(records: Array) -> dict[str, Any]:
+    """Return the columns of records, in their order, for `SurfaceMap.of`."""
+    return dict(zip(COLUMNS, _taken_apart(np.asarray(records)), strict=True))
+
+
+def surface_of(records: Array, grid: Grid) -> SurfaceMap:
+    """Return the map of records, in their order; it has no route."""
+    return SurfaceMap.of(grid, columns_of(records))
 
 
 def rows_in(records: Array) -> UInt64:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
-from mlscli.runtime.arrays import Array
+from mlscli.runtime.arrays import Array, Float64
 from mlscli.runtime.scratch import Scratch, Stored
 
 
-class Part(NamedTuple):
+class StoredPatches(NamedTuple):
     """Successive patches of a map, put away column by column."""
 
     size: int
@@ -24,13 +27,18 @@ class StoredMap:
 
     Attributes
     ----------
-    head : SurfaceMap
-        All of the map but its patches.
-    parts : list of Part
+    grid : Grid
+    parts : list of StoredPatches
+    route : float64 (K, 4)
+        As in `SurfaceMap`.
+    meta : dict
+        As in `SurfaceMap`.
     """
 
-    head: SurfaceMap
-    parts: list[Part]
+    grid: Grid
+    parts: list[StoredPatches]
+    route: Float64 = field(default_factory=lambda: np.empty((0, 4)))
+    meta: dict[str, Any] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -40,7 +48,7 @@ class StoredMap:
     def put(self, surface: SurfaceMap, scratch: Scratch) -> None:
         """Put away the patches that come next in the file's order."""
         columns = {name: scratch.put(column) for name, column in surface.columns.items()}
-        self.parts.append(Part(surface.size, columns))
+        self.parts.append(StoredPatches(surface.size, columns))
 
     def column(self, name: str) -> Iterator[Array]:
         """Yield a column, part by part."""
@@ -50,16 +58,11 @@ class StoredMap:
     def surfaces(self) -> Iterator[SurfaceMap]:
         """Yield the map, part by part."""
         for part in self.parts:
-            columns: dict[str, Any] = {name: part.columns[name][0 : part.size] for name in COLUMNS}
-            yield replace(self.head, **columns)
+            columns = {name: part.columns[name][0 : part.size] for name in COLUMNS}
+            yield SurfaceMap.of(self.grid, columns, self.route, self.meta)
 
 
 # --- what a map in memory and one on disk have in common ---
-
-
-def head_of(surface: SurfaceMap | StoredMap) -> SurfaceMap:
-    """Return a map that has all but the patches of this one."""
-    return surface.head if isinstance(surface, StoredMap) else surface
 
 
 def column_of(surface: SurfaceMap | StoredMap, name: str) -> Iterator[Array]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.maps.stored_map import StoredMap, head_of, parts_of
+from mlscli.maps.stored_map import StoredMap, parts_of
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 
 
@@ -23,7 +23,7 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         cells, in the square of the unit; ``regions``: how many have a number; ``keyframes``: rows
         of the route; and the map's ``cell_size``, ``gap_size``, ``thickness`` and ``frame_id``.
     """
-    head = head_of(surface)
+    grid = surface.grid
     counted = dict.fromkeys(("total", *ORIGINS, "vertical"), 0)
     levels: Counter[int] = Counter()
     extents = []
@@ -43,13 +43,13 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         "cells": cells,
         "levels": {str(n): count for n, count in sorted(levels.items()) if n and count},
         "extent": _hull(extents),
-        "area": cells * head.cell_size**2,
+        "area": cells * grid.cell_size**2,
         "regions": regions,
-        "cell_size": head.cell_size,
-        "gap_size": head.gap_size,
-        "thickness": head.thickness,
-        "frame_id": head.frame_id,
-        "keyframes": len(head.route),
+        "cell_size": grid.cell_size,
+        "gap_size": grid.gap_size,
+        "thickness": grid.thickness,
+        "frame_id": grid.frame_id,
+        "keyframes": len(surface.route),
     }
 
 

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.errors import InputError, UsageError
+from mlscli.errors import InputError
 from mlscli.maps.cells import CellSet, Limits
+from mlscli.maps.grid import Grid
 from mlscli.maps.order import Columns, Keys, ascend, bare, come_before, interleave, pick
 from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt8, UInt32
 from mlscli.runtime.threads import LIGHT, in_ranges
@@ -115,10 +116,38 @@ class SurfaceMap:
     meta: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def empty(cls, cell_size: float, gap_size: float, thickness: float) -> SurfaceMap:
-        """Return a map without patches."""
-        columns: dict[str, Any] = {name: np.empty(0, dtype) for name, dtype in COLUMNS.items()}
-        return cls(cell_size, gap_size, thickness, **columns)
+    def of(
+        cls,
+        grid: Grid,
+        columns: Mapping[str, Array] | None = None,
+        route: Float64 | None = None,
+        meta: dict[str, Any] | None = None,
+    ) -> SurfaceMap:
+        """Return a map on a grid.
+
+        Parameters
+        ----------
+        grid : Grid
+        columns : mapping of str to array, optional
+            Those of `COLUMNS`, sorted as in the file; a map without patches where none are given.
+        route : float64 (K, 4), optional
+        meta : dict, optional
+        """
+        chosen: Any = new_columns(0) if columns is None else columns
+        return cls(
+            grid.cell_size,
+            grid.gap_size,
+            grid.thickness,
+            **chosen,
+            frame_id=grid.frame_id,
+            route=_no_route() if route is None else route,
+            meta={} if meta is None else meta,
+        )
+
+    @property
+    def grid(self) -> Grid:
+        """The grid that its patches lie on."""
+        return Grid(self.cell_size, self.gap_size, self.thickness, self.frame_id)
 
     @property
     def size(self) -> int:
@@ -231,36 +260,9 @@ class SurfaceMap:
 
     def replace(self, cells: CellSet, other: SurfaceMap) -> SurfaceMap:
         """Return the map with the patches in `cells` replaced by those that `other` has there."""
-        self._require_same_grid(other)
+        self.grid.require_same(other.grid)
         outside = self.take(~cells.contains(self.ix, self.iy))
         return outside.union(other.in_cells(cells))
-
-    def merge(self, other: SurfaceMap) -> SurfaceMap:
-        """Return the map of both: as if the other's recording had followed this one's.
-
-        Measured groups whose [bottom, top] come within `gap_size` become one (statistics by
-        Chan's formula); the others stay as they are. Inserted patches within `gap_size` of what
-        the other map measured go; of two inserted ones that meet, one from each map, the higher
-        stays. The other's keyframes are numbered on from this map's route, and regions are
-        numbered no more (-1).
-
-        Raises
-        ------
-        UsageError
-            Where cell size, gap size or thickness differ.
-        """
-        from mlscli.maps.merging import merge_maps
-
-        self._require_same_grid(other)
-        return merge_maps(self, other)
-
-    def _require_same_grid(self, other: SurfaceMap) -> None:
-        for name in ("cell_size", "gap_size", "thickness"):
-            mine, others = getattr(self, name), getattr(other, name)
-            if mine != others:
-                raise UsageError(
-                    f"maps of different {name} do not go together: {mine!r} and {others!r}"
-                )
 
     # --- equality and invariants ---
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change
+from mlscli.maps.grid import Grid
 from mlscli.maps.records import WORDS, records_in, records_of, rows_in, surface_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.maps.tiled_rows import Tiles
@@ -15,17 +16,16 @@ class TiledMap:
 
     Parameters
     ----------
-    empty : SurfaceMap
-        A map without patches, which gives cell size, gap size, thickness and frame.
+    grid : Grid
     """
 
-    def __init__(self, empty: SurfaceMap) -> None:
-        self._empty = empty
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
         self._tiles = Tiles(WORDS)
 
     def extract(self, cells: CellSet) -> SurfaceMap:
         """Return the patches in `cells`."""
-        return surface_of(self.records(cells), self._empty)
+        return surface_of(self.records(cells), self._grid)
 
     def records(self, cells: CellSet) -> Array:
         """Return the patches in `cells` as records, in the order of maps."""
@@ -34,8 +34,8 @@ class TiledMap:
     def replace(self, cells: CellSet, new: SurfaceMap | Array) -> Change:
         """Replace the patches in `cells` by those that `new`, a map or records, has there."""
         records = records_of(new) if isinstance(new, SurfaceMap) else new
-        return Change(*self._tiles.update(cells, rows_in(records)), self._empty)
+        return Change(*self._tiles.update(cells, rows_in(records)), self._grid)
 
     def whole(self) -> SurfaceMap:
         """Return the map of all tiles."""
-        return surface_of(records_in(self._tiles.whole()), self._empty)
+        return surface_of(records_in(self._tiles.whole()), self._grid)

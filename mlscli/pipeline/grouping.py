@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlscli.keyframes.batches import Points
+from mlscli.maps.grid import Grid
 from mlscli.maps.patches import upright
 from mlscli.maps.surface_map import MEASURED, SurfaceMap, new_columns
 from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
@@ -17,21 +18,20 @@ from mlscli.runtime.kernels import kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
 
-def group(points: Points, cell_size: float, gap_size: float, thickness: float) -> SurfaceMap:
+def group(points: Points, grid: Grid) -> SurfaceMap:
     """Return the map of measured patches that points make.
 
     Parameters
     ----------
     points : Points
         All within cells whose indices int32 can hold.
-    cell_size, gap_size, thickness : float
-        As in `SurfaceMap`.
+    grid : Grid
     """
-    ix, iy = cells_of(points.xyz, cell_size)
+    ix, iy = cells_of(points.xyz, grid.cell_size)
     order, cells, z = order_by_cell(ix, iy, points.xyz[:, 2])
 
     def split(begin: int, end: int) -> tuple[Int64, Int64]:
-        starts: tuple[Int64, Int64] = split_by_gaps(begin, end, cells.start, z, gap_size)
+        starts: tuple[Int64, Int64] = split_by_gaps(begin, end, cells.start, z, grid.gap_size)
         return starts
 
     starts, of_cells = zip(*in_ranges(len(cells.ix), split, weight=LIGHT), strict=True)
@@ -47,12 +47,12 @@ def group(points: Points, cell_size: float, gap_size: float, thickness: float) -
         )  # fmt: skip
         part["ix"][:], part["iy"][:] = (axis[of_cell[begin:end]] for axis in cells[:2])
         part["height"][:], part["depth"][:] = upright(
-            part["top"], part["bottom"], part["mean"], part["variance"], thickness
+            part["top"], part["bottom"], part["mean"], part["variance"], grid.thickness
         )
         part["origin"][:], part["region"][:] = MEASURED, -1
 
     in_ranges(len(start) - 1, summarise_groups, weight=LIGHT)
-    return SurfaceMap(cell_size, gap_size, thickness, **new)
+    return SurfaceMap.of(grid, new)
 
 
 @kernel

@@ -39,7 +39,7 @@ class ConsistentMap:
         self._pipeline = pipeline
         self._points = [FilteredPoints(stage) for stage in pipeline.point_stages or (None,)]
         # What was measured, and what each map stage makes of it.
-        self._maps = [TiledMap(pipeline.empty) for _ in (None, *pipeline.map_stages)]
+        self._maps = [TiledMap(pipeline.grid) for _ in (None, *pipeline.map_stages)]
 
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
@@ -84,7 +84,7 @@ class SequentialMap:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
-        self._tiles = TiledMap(pipeline.empty)
+        self._tiles = TiledMap(pipeline.grid)
 
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
@@ -96,14 +96,14 @@ class SequentialMap:
         before = tiles.records(widest)
         with pipeline.report.timed("merge"):
             there = tiles.records(changed) if pipeline.map_stages else before
-            change = tiles.replace(changed, with_measured(there, new, pipeline.empty))
+            change = tiles.replace(changed, with_measured(there, new, pipeline.grid))
         for stage, reach in zip(pipeline.map_stages, reaches, strict=True):
             cells = changed.widened(reach)
             after = pipeline.transformed(stage, tiles.extract(cells.widened(reach)))
             pipeline.report.drop(stage.name, -tiles.replace(cells, after).points)
         if pipeline.map_stages:
             # What one stage changes, the next may change back.
-            change = Change.between(before, tiles.records(widest), pipeline.empty)
+            change = Change.between(before, tiles.records(widest), pipeline.grid)
         return change
 
     def whole(self) -> SurfaceMap:

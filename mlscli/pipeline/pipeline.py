@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
 from itertools import takewhile
 
 from mlscli.errors import UsageError
 from mlscli.keyframes.batches import Points
 from mlscli.maps.change import points_in
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.lengths import in_units
 from mlscli.pipeline.grouping import group
@@ -44,8 +44,7 @@ class Pipeline:
         Those after which the map can still grow.
     final_stages : list of MapStage
         The first without a bound to its reach, and those after it: they need the whole map.
-    empty : SurfaceMap
-        A map without patches.
+    grid : Grid
 
     Raises
     ------
@@ -60,9 +59,12 @@ class Pipeline:
                 "map.cell_size: a growing map needs a number, not auto; "
                 "see Parameters.with_cell_size"
             )
-        lengths = (parameters.map.gap_size, parameters.map.thickness)
-        empty = SurfaceMap.empty(cell_size, *(in_units(length, cell_size) for length in lengths))
-        self.empty = replace(empty, frame_id=frame_id)
+        self.grid = Grid(
+            cell_size,
+            in_units(parameters.map.gap_size, cell_size),
+            in_units(parameters.map.thickness, cell_size),
+            frame_id,
+        )
         self.cell_size = cell_size
         self.report = report
         stages = parameters.pipeline
@@ -130,12 +132,8 @@ class Pipeline:
 
     def grouped(self, points: Points) -> SurfaceMap:
         """Return the measured patches of filtered points."""
-        empty = self.empty
         with self.report.timed("grouping"):
-            measured = group(points, empty.cell_size, empty.gap_size, empty.thickness)
-        if measured.frame_id == empty.frame_id:
-            return measured
-        return replace(measured, frame_id=empty.frame_id)
+            return group(points, self.grid)
 
     def transformed(
         self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None

@@ -157,8 +157,7 @@ class Replay:
     def follow(self, change: Change) -> None:
         """Take what a batch changed, once the state before is written where much is new in it."""
         if self._state is None:
-            nothing = change.added.take(np.empty(0, dtype=np.int64))
-            self._state = TiledMap(replace(nothing, route=change.route[:0]))
+            self._state = TiledMap(change.grid)
         elif self._changed >= max(SHARE * self._size, 1):
             self._write(self._state.whole())
         cells = change.cells

@@ -25,6 +25,7 @@ from mlscli.io.reading.recording import open_recording
 from mlscli.keyframes.batches import Points, batches
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.cells import CellSet
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.parameters import Parameters
@@ -70,13 +71,13 @@ def sequential_reference(keyframes: Sequence[Keyframe], given_parameters: Parame
     sizes = given_parameters.map
     assert isinstance(sizes.cell_size, float)
     grid = sizes.cell_size, float(str(sizes.gap_size)), float(str(sizes.thickness))
-    surface = SurfaceMap.empty(*grid)
+    surface = SurfaceMap.of(Grid(*grid))
     for batch in batches(keyframes, given_parameters.batch.min_points):
         points = batch.points
         for stage in given_parameters.pipeline:
             if isinstance(stage, PointStage):
                 points = stage.apply(points, grid[0])
-        new = group(points, *grid)
+        new = group(points, Grid(*grid))
         surface = add_measured(surface, new)
         for stage in given_parameters.pipeline:
             if isinstance(stage, MapStage) and (reach := stage.reach(grid[0])) is not None:

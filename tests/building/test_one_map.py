@@ -27,6 +27,7 @@ from mlscli.io.writing.npz import read_map, write_map
 from mlscli.keyframes.batches import Points
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.cells import CellSet, Limits, pack
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.pipeline import Pipeline
@@ -101,7 +102,7 @@ def test_a_cell_needs_what_lies_within_the_reach_and_nothing_beyond(stage: MapSt
     reach = stage.reach(CELL)
     assert reach is not None
     for seed in range(25):
-        surface = group(eventful_points(seed, 200), CELL, GAP, THICKNESS)
+        surface = group(eventful_points(seed, 200), Grid(CELL, GAP, THICKNESS))
         whole = stage.apply(surface)
         for key in np.unique(pack(whole.ix, whole.iy)):
             cell = CellSet(np.array([key]))
@@ -137,7 +138,7 @@ def test_tiles_from_one_cell_to_the_whole_map_make_the_map_of_one_pass(
     tiles = tiles_of(blocks, pipeline.reach, most)
     if most == shift == 0:
         assert len(tiles) == max(1, len(blocks.occupied().points))
-    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
+    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
     assert surface == one_pass(points, parameters_of(stages), final=False)
     once = Report()
     counted = Pipeline(parameters_of(stages), "map", once)

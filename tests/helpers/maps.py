@@ -11,7 +11,7 @@ import numpy as np
 
 from mlscli.keyframes.batches import Points
 from mlscli.maps.merging import with_measured
-from mlscli.maps.records import records_of, surface_of
+from mlscli.maps.records import columns_of, records_of
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.runtime.arrays import Float64
 
@@ -71,7 +71,8 @@ def map_of(patches: list[Patch], gap_size: float = GAP, cell_size: float = CELL)
 
 def add_measured(surface: SurfaceMap, new: SurfaceMap) -> SurfaceMap:
     """Return a growing map with measured patches added."""
-    return surface_of(with_measured(records_of(surface), records_of(new), surface), surface)
+    records = with_measured(records_of(surface), records_of(new), surface.grid)
+    return replace(surface, **columns_of(records))
 
 
 def random_map(rng: np.random.Generator, *, fill: float | None = None) -> SurfaceMap:

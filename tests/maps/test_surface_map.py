@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from mlscli.errors import InputError
 from mlscli.maps.cells import GREATEST, LEAST, CellSet, pack, unpack
+from mlscli.maps.grid import Grid
 from mlscli.maps.strips import SHIFT
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from tests.helpers.cells import cells_in
@@ -119,7 +120,7 @@ def test_a_crop_and_what_is_left_make_the_map_again() -> None:
     crop = surface.crop(min_x=int(np.median(surface.ix)))
     cells = CellSet.of(crop.ix, crop.iy)
     assert 0 < crop.size < surface.size
-    assert surface.replace(cells, SurfaceMap.empty(0.5, 0.75, 0.25)).union(crop) == surface
+    assert surface.replace(cells, SurfaceMap.of(Grid(0.5, 0.75, 0.25))).union(crop) == surface
     assert surface.replace(cells, surface) == surface
 
 
@@ -140,7 +141,7 @@ def test_maps_are_equal_where_all_but_route_and_meta_is() -> None:
 
 def test_a_sound_map_passes_its_check() -> None:
     a_map().check()
-    SurfaceMap.empty(1.0, 1.0, 0.0).check()
+    SurfaceMap.of(Grid(1.0, 1.0, 0.0)).check()
 
 
 NAN = np.nan

@@ -41,7 +41,7 @@ def scattered(rng: np.random.Generator) -> SurfaceMap:
 def test_areas_are_replaced_as_in_a_whole_map(seed: int) -> None:
     rng = np.random.default_rng(seed)
     surface = scattered(rng)
-    tiles = TiledMap(surface.take(np.empty(0, dtype=np.int64)))
+    tiles = TiledMap(surface.grid)
     tiles.replace(CellSet.of(surface.ix, surface.iy), surface)
     for _ in range(6):
         centres = rng.integers(-6, 7, (2, 2)) * SIDE // 2

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.colours import (
     ARTIFICIAL_RED,
@@ -100,7 +101,7 @@ def test_inserted_heights_do_not_move_the_scale_unless_there_is_nothing_else() -
     measured = [Patch(x, 0, 1.0, 0.0, 0, 1) for x in range(2)]
     assert height_range(map_of([*measured, *inserted])) == (1.0, 1.0)
     assert height_range(map_of(inserted))[0] > 49
-    assert height_range(SurfaceMap.empty(1, 1, 1)) == (0.0, 0.0)
+    assert height_range(SurfaceMap.of(Grid(1, 1, 1))) == (0.0, 0.0)
 
 
 def test_plastered_is_half_way_to_white_and_artificial_red() -> None:

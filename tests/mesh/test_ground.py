@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.ground import SEARCH_CELLS, route_on_ground
 from tests.helpers.meshes import a_map, plane
@@ -61,7 +62,7 @@ def test_a_route_without_any_ground_beneath_it_is_given_as_it_was_flown() -> Non
 
 def test_a_map_without_route_or_patches_has_no_route_on_the_ground() -> None:
     assert landed(LEVELS) == []
-    assert landed(SurfaceMap.empty(0.5, 1, 0.2), (0, 0, 1)) == []
+    assert landed(SurfaceMap.of(Grid(0.5, 1, 0.2)), (0, 0, 1)) == []
 
 
 def test_a_leg_goes_over_what_lies_between_its_ends_and_not_through_it() -> None:

@@ -16,6 +16,7 @@ import pytest
 
 from mlscli import mesh as mesh_module
 from mlscli.errors import InputError, UsageError
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import ARTIFICIAL, MEASURED, SurfaceMap
 from mlscli.mesh import GROUPS, ROUTE, ROUTE_LIFT, STYLES, Mesh, Style, build_mesh
 from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN
@@ -142,7 +143,7 @@ def test_a_depth_lost_in_rounding_is_drawn_as_a_horizontal_patch() -> None:
 
 @pytest.mark.parametrize("style", ["surface", "patches"])
 def test_an_empty_map_has_an_empty_mesh(style: Style) -> None:
-    mesh = build_mesh(SurfaceMap.empty(0.5, 1.0, 0.2), style)
+    mesh = build_mesh(SurfaceMap.of(Grid(0.5, 1.0, 0.2)), style)
     assert [part.shape for part in (mesh.vertices, mesh.triangles, mesh.lines, mesh.points)] == [
         (0, 3),
         (0, 3),

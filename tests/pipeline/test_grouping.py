@@ -12,6 +12,8 @@ import pytest
 
 from mlscli.errors import UsageError
 from mlscli.keyframes.batches import Points
+from mlscli.maps.grid import Grid
+from mlscli.maps.merging import merge_maps
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Bool
@@ -35,7 +37,7 @@ ROUTE = np.full((KEYFRAMES, 4), np.nan)
 
 
 def measured(points: Points) -> SurfaceMap:
-    return replace(group(points, CELL, GAP, THICKNESS), route=ROUTE)
+    return replace(group(points, Grid(CELL, GAP, THICKNESS)), route=ROUTE)
 
 
 def split(points: Points, first: Bool) -> tuple[Points, Points]:
@@ -108,7 +110,7 @@ def test_merging_two_maps_gives_the_map_of_all_points() -> None:
 def test_merged_maps_number_the_second_flight_after_the_first() -> None:
     points = random_points(np.random.default_rng(5), 60)
     one, other = split(points, np.arange(60) < 30)
-    merged = measured(one).merge(measured(other))
+    merged = merge_maps(measured(one), measured(other))
     merged.check()
     assert len(merged.route) == 2 * KEYFRAMES
     second = Points(other.xyz, other.keyframe + KEYFRAMES)
@@ -137,14 +139,14 @@ def test_new_points_undo_corrections_and_delete_what_was_inserted_near_them() ->
 def test_of_inserted_patches_of_two_maps_the_higher_stays() -> None:
     one = map_of([Patch(0, 0, 1.0, 0.0, 1, 0), Patch(1, 0, 1.0, 0.0, 2, 0)])
     other = map_of([Patch(0, 0, 1.5, 0.0, 2, 0), Patch(1, 0, 1.0, 0.0, 1, 0)])
-    for merged in (one.merge(other), other.merge(one)):
+    for merged in (merge_maps(one, other), merge_maps(other, one)):
         assert [(p.height, p.origin) for p in patches_of(merged)] == [(1.5, 2), (1.0, 1)]
-    assert one.merge(one) == one
+    assert merge_maps(one, one) == one
 
 
 def test_maps_of_different_grids_are_not_merged() -> None:
     with pytest.raises(UsageError, match="cell_size"):
-        map_of([]).merge(map_of([], cell_size=1.0))
+        merge_maps(map_of([]), map_of([], cell_size=1.0))
 
 
 def test_a_group_within_another_does_not_hide_what_reaches_on() -> None:
@@ -177,6 +179,6 @@ def test_what_was_inserted_stays_beside_measurements_that_did_not_change() -> No
 def test_of_two_maps_each_deletes_what_the_other_inserted_near_its_measurements() -> None:
     found = replace(map_of([Patch(0, 0, 1.0, 0.0, 0, 5)]), region=np.array([7], dtype=np.int32))
     guessed = map_of([Patch(0, 0, 1.0 + GAP, 0.0, 2, 0)])
-    for merged in (found.merge(guessed), guessed.merge(found)):
+    for merged in (merge_maps(found, guessed), merge_maps(guessed, found)):
         assert merged.origin.tolist() == [0]
         assert merged.region.tolist() == [-1]

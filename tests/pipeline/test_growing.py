@@ -22,6 +22,7 @@ from mlscli.config import loads
 from mlscli.keyframes.batches import Points, gather
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.cells import cell_indices
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.lengths import in_units
 from mlscli.pipeline.grouping import group
@@ -74,10 +75,10 @@ def one_pass(points: Points, given_parameters: Parameters, *, final: bool) -> Su
             points = stage.apply(points, cell_size)
             continue
         assert isinstance(stage, MapStage)
-        surface = group(points, *grid) if surface is None else surface
+        surface = group(points, Grid(*grid)) if surface is None else surface
         bounded = bounded and stage.reach(cell_size) is not None
         surface = stage.apply(surface) if bounded or final else surface
-    return group(points, *grid) if surface is None else surface
+    return group(points, Grid(*grid)) if surface is None else surface
 
 
 def batches_of(points: Points, size: int) -> Iterator[Points]:

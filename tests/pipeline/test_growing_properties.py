@@ -23,6 +23,7 @@ from mlscli.keyframes.batches import Points
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change
+from mlscli.maps.grid import Grid
 from mlscli.maps.records import records_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
@@ -145,7 +146,7 @@ def fed_back(surface: SurfaceMap, points: Points, stages: Sequence[Stage]) -> Su
     for stage in stages:
         if isinstance(stage, PointStage):
             points = stage.apply(points, CELL)
-    new = group(points, CELL, GAP, THICKNESS)
+    new = group(points, Grid(CELL, GAP, THICKNESS))
     changed = CellSet.of(new.ix, new.iy)
     surface = add_measured(surface, new)
     for stage in stages:
@@ -205,7 +206,7 @@ def changes(points: Points, stages: Sequence[Stage]) -> list[str]:
             moved = kept.size == points.size and bool((kept.xyz != points.xyz).any())
             did += [f"{stage.name} moves"] * moved
             points = kept
-    surface = group(points, CELL, GAP, THICKNESS)
+    surface = group(points, Grid(CELL, GAP, THICKNESS))
     for stage in stages:
         if isinstance(stage, MapStage):
             before, surface = surface, stage.apply(surface)
@@ -282,7 +283,7 @@ def test_a_patch_that_differs_in_any_column_is_a_change() -> None:
         column = surface.columns[name].copy()
         column[3:4].view(np.uint8)[0] ^= 1
         other = replace(surface, **{name: column})
-        change = Change.between(records_of(surface), records_of(other), surface)
+        change = Change.between(records_of(surface), records_of(other), surface.grid)
         assert (change.removed.size, change.added.size) == (1, 1), name
         assert change.removed == surface.take(np.array([3]))
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import pytest
 
 from mlscli.errors import UsageError
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh.colours import ARTIFICIAL_RED, Paint
 from mlscli.plot.relief import MAX_SIDE, frame_of, picture, shown_patches
@@ -57,7 +58,7 @@ def test_a_map_wider_than_a_picture_shows_the_highest_patch_of_each_square() -> 
 
 def test_a_map_without_patches_is_refused() -> None:
     with pytest.raises(UsageError, match="no patches"):
-        frame_of(SurfaceMap.empty(1, 1, 1))
+        frame_of(SurfaceMap.of(Grid(1, 1, 1)))
 
 
 def lit(surface: SurfaceMap) -> Array:

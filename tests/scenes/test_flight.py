@@ -15,6 +15,7 @@ import pytest
 import mlscli.runtime.threads
 from mlscli.errors import UsageError
 from mlscli.keyframes.batches import gather
+from mlscli.maps.grid import Grid
 from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import Craft, Flight, fly
@@ -52,7 +53,7 @@ def with_texture(scene: Scene) -> Scene:
 def test_the_map_of_a_dense_flight_without_noise_is_the_truth(name: str) -> None:
     scene = with_texture(make(name, size=2 if name == "village" else None))
     flight = fly(scene, CELL / 8, EXACT)
-    built = group(gather(flight.keyframes).points, CELL, GAP, THICKNESS)
+    built = group(gather(flight.keyframes).points, Grid(CELL, GAP, THICKNESS))
     true = truth(scene, CELL, GAP, THICKNESS)
     assert built.ix.tolist() == true.ix.tolist()
     assert built.iy.tolist() == true.iy.tolist()

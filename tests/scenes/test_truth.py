@@ -17,6 +17,7 @@ import pytest
 
 from mlscli.errors import InputError, UsageError
 from mlscli.keyframes.batches import Points
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Float64
@@ -74,7 +75,7 @@ def test_dense_points_of_random_scenes_give_the_truth() -> None:
         found = by_cell(true)
         # Where half a cell, the gap or the thickness is a close call, points cannot decide.
         variants = [
-            by_cell(group(points, CELL, gap, thickness))
+            by_cell(group(points, Grid(CELL, gap, thickness)))
             for points in (reference(scene, 0.45), reference(scene, 0.55))
             for gap in (GAP - 2 * FINE, GAP + 2 * FINE)
             for thickness in (THICKNESS - 0.03, THICKNESS + 0.03)

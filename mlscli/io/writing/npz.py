@@ -21,7 +21,7 @@ import numpy as np
 
 from mlscli.errors import InputError, MlsError
 from mlscli.io.writing.atomic import atomic_write
-from mlscli.maps.stored_map import StoredMap, column_of, head_of
+from mlscli.maps.stored_map import StoredMap, column_of
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.runtime.arrays import Array
 
@@ -46,7 +46,6 @@ def write_map(
     OutputError
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
-    head = head_of(surface)
     with (
         atomic_write(path, overwrite=overwrite) as stream,
         zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive,
@@ -59,13 +58,13 @@ def write_map(
         write("format", FORMAT)
         write("version", VERSION)
         for name in LENGTHS:
-            write(name, getattr(head, name))
+            write(name, getattr(surface.grid, name))
         for name, dtype in COLUMNS.items():
             with _member(archive, name) as member:
                 _write_column(member, dtype, surface.size, column_of(surface, name))
-        write("frame_id", head.frame_id)
-        write("route", head.route)
-        write("meta", json.dumps(head.meta, ensure_ascii=False, allow_nan=False))
+        write("frame_id", surface.grid.frame_id)
+        write("route", surface.route)
+        write("meta", json.dumps(surface.meta, ensure_ascii=False, allow_nan=False))
 
 
 def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:

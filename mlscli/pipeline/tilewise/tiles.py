@@ -8,16 +8,16 @@ it. So neither the size of the tiles nor who evaluates them changes a bit of the
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import Limits, pack
 from mlscli.maps.change import points_in
-from mlscli.maps.surface_map import SurfaceMap
+from mlscli.maps.grid import Grid
+from mlscli.maps.surface_map import SurfaceMap, new_columns
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.stages.ordering import cells_of
@@ -100,7 +100,7 @@ def tiled(
     blocks.add(points)
     share = points.size // (2 * workers.number)
     tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE, min(share, COMFORTABLE)))
-    return joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, workers, progress)))
+    return joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, workers, progress)))
 
 
 def in_tiles(
@@ -131,15 +131,15 @@ def in_tiles(
         yield surface
 
 
-def joined(empty: SurfaceMap, parts: Sequence[SurfaceMap]) -> SurfaceMap:
+def joined(grid: Grid, parts: Sequence[SurfaceMap]) -> SurfaceMap:
     """Return the map of parts that share no cell."""
-    columns: dict[str, Any] = {
+    columns = {
         name: np.concatenate([column, *(part.columns[name] for part in parts)])
-        for name, column in empty.columns.items()
+        for name, column in new_columns(0).items()
     }
     # In each cell patches are in order: only the cells have to be put in theirs.
     order = np.argsort(pack(columns["ix"], columns["iy"]), kind="stable")
-    return replace(empty, **columns).take(order)
+    return SurfaceMap.of(grid, columns).take(order)
 
 
 def surroundings(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Points:

@@ -18,6 +18,7 @@ import trimesh
 
 from mlscli.errors import OutputError
 from mlscli.io.writing.glb import write_glb
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import STYLES, Mesh, Style, build_mesh
 from mlscli.runtime.arrays import Array
@@ -138,7 +139,7 @@ def test_open3d_reads_as_many_triangles_and_vertices(tmp_path: Path) -> None:
 
 
 def test_an_empty_mesh_is_a_readable_file(tmp_path: Path) -> None:
-    write_glb(tmp_path / "a.glb", build_mesh(SurfaceMap.empty(1, 1, 1)))
+    write_glb(tmp_path / "a.glb", build_mesh(SurfaceMap.of(Grid(1, 1, 1))))
     found = Read(tmp_path / "a.glb")
     assert found.bin == b""
     assert "meshes" not in found.json

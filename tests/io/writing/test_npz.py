@@ -83,7 +83,7 @@ def test_a_map_on_disk_is_written_part_by_part_as_at_once(
     surface: SurfaceMap, written: Path, tmp_path: Path
 ) -> None:
     with Scratch() as scratch:
-        stored = StoredMap(surface, [])
+        stored = StoredMap(surface.grid, [], surface.route, surface.meta)
         for first, last in ((None, 1), (2, 2), (3, None)):
             stored.put(surface.crop(min_x=first, max_x=last), scratch)
         assert stored.size == surface.size

@@ -19,6 +19,7 @@ import trimesh
 
 from mlscli.errors import OutputError
 from mlscli.io.writing.obj import write_obj
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import GROUPS, Mesh, Style, build_mesh
 from mlscli.mesh.colours import ARTIFICIAL_RED
@@ -98,7 +99,7 @@ def test_the_materials_beside_it_are_those_that_it_uses(mesh: Mesh, tmp_path: Pa
 
 
 def test_an_empty_mesh_is_a_pair_of_files(tmp_path: Path) -> None:
-    write_obj(tmp_path / "a.obj", build_mesh(SurfaceMap.empty(1, 1, 1)))
+    write_obj(tmp_path / "a.obj", build_mesh(SurfaceMap.of(Grid(1, 1, 1))))
     assert list(statements(tmp_path / "a.obj")) == [("mtllib", ["a.mtl"])]
     assert (tmp_path / "a.mtl").exists()
 

@@ -16,6 +16,7 @@ import trimesh
 
 from mlscli.errors import OutputError
 from mlscli.io.writing.ply import write_ply
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import Mesh, Style, build_mesh
 from mlscli.runtime.arrays import Array
@@ -66,7 +67,7 @@ def test_the_file_holds_the_mesh_bit_for_bit(mesh: Mesh, tmp_path: Path) -> None
 
 
 def test_an_empty_mesh_is_a_readable_file(tmp_path: Path) -> None:
-    write_ply(tmp_path / "a.ply", build_mesh(SurfaceMap.empty(1, 1, 1)))
+    write_ply(tmp_path / "a.ply", build_mesh(SurfaceMap.of(Grid(1, 1, 1))))
     assert [len(element) for element in read(tmp_path / "a.ply").values()] == [0, 0, 0]
 
 

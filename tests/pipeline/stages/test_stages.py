@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from mlscli.maps.cells import CellSet, Limits
+from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.lengths import Cells
 from mlscli.pipeline.stages.gaps import between
@@ -192,7 +193,7 @@ def test_turning_the_map_turns_the_result(draw: Draw) -> None:
 @every_stage
 def test_an_empty_map_stays_empty(draw: Draw) -> None:
     stage, _ = draw(np.random.default_rng(6))
-    assert stage.apply(SurfaceMap.empty(CELL, GAP, 0.25)).size == 0
+    assert stage.apply(SurfaceMap.of(Grid(CELL, GAP, 0.25))).size == 0
 
 
 def test_lengths_in_cells_and_in_units_are_the_same() -> None:

@@ -349,7 +349,7 @@ def test_a_worker_killed_at_its_work_loses_nothing(workers: Cluster, tmp_path: P
     pipeline = Pipeline(fatal, "map", Report())
     blocks = blocks_of(levels())
     tiles = tiles_of(blocks, pipeline.reach, 400)
-    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, workers)))
+    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, workers)))
     assert list(tmp_path.iterdir()) == []
     assert surface == one_pass(levels(), GIVEN, final=False)
 

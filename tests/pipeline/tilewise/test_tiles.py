@@ -52,7 +52,7 @@ def test_tiles_of_any_size_make_the_map_of_one_pass(
     pipeline = Pipeline(parameters(PIPELINES[stages]), "map", Report())
     blocks = two_runs(points, shift)
     tiles = tiles_of(blocks, pipeline.reach, most)
-    surface = joined(pipeline.empty, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
+    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
     expected = one_pass(points, parameters(PIPELINES[stages]), final=False)
     assert surface == expected
     assert pipeline.report.dropped.total() == points.size - points_in(expected)

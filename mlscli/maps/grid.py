@@ -1,0 +1,44 @@
+"""The grid of a map: what is known of it before it holds a patch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mlscli.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The cells that heights fall into, and what makes one patch of the heights in a cell.
+
+    Attributes
+    ----------
+    cell_size : float
+        Side of a cell.
+    gap_size : float
+        Heights farther apart are different patches.
+    thickness : float
+        A patch with a greater spread is vertical. All three in the unit of the recording.
+    frame_id : str
+        Name of the map frame.
+    """
+
+    cell_size: float
+    gap_size: float
+    thickness: float
+    frame_id: str = "map"
+
+    def require_same(self, other: Grid) -> None:
+        """Refuse another grid, whatever its frame is called.
+
+        Raises
+        ------
+        UsageError
+            Where cell size, gap size or thickness differ.
+        """
+        for name in ("cell_size", "gap_size", "thickness"):
+            mine, others = getattr(self, name), getattr(other, name)
+            if mine != others:
+                raise UsageError(
+                    f"maps of different {name} do not go together: {mine!r} and {others!r}"
+                )
