@@ -25,11 +25,11 @@ from mlscli.pipeline.tilewise.tiles import Threads, Tile, Workers, tiles_of
 DENSITY = 10.0
 
 
-def evaluated(
+def evaluate_all(
     workers: Workers, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
 ) -> int:
     """Return how many patches the workers make of the tiles."""
-    return sum(surface.size for surface, _ in workers.evaluated(pipeline, blocks, tiles))
+    return sum(surface.size for surface, _ in workers.evaluate_all(pipeline, blocks, tiles))
 
 
 @click.command()
@@ -46,7 +46,7 @@ def main(points: float, repeats: int) -> None:
             blocks.add(cloud(int(points), DENSITY))
             tiles = tiles_of(blocks, pipeline.reach, int(points))
             works = [
-                partial(evaluated, workers, pipeline, blocks, tiles)
+                partial(evaluate_all, workers, pipeline, blocks, tiles)
                 for workers in (Threads(1), cluster)
             ]
             patches = works[0]()

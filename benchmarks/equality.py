@@ -27,7 +27,7 @@ from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.blocks import PointBlocks
-from mlscli.pipeline.tilewise.tiles import Threads, in_tiles, joined, tiles_of
+from mlscli.pipeline.tilewise.tiles import Threads, evaluate_tiles, join, tiles_of
 from mlscli.runtime.arrays import Float64
 
 TELLO = {"columns": "x,y,z,-,-,-,-,keyframe,cx,cy,cz", "up": "-y"}
@@ -103,14 +103,14 @@ def rows(
             yield grown(f"batches of {what}, {order}", points, size, parameters, looks)
     for shift, threads in TILES:
         cells = 2**shift
-        yield tiled(
+        yield map_in_tiles(
             f"tiles of {cells} x {cells} cells, {threads} at a time",
             xyz,
             shift,
             threads,
             parameters,
         )
-    yield tiled("one tile", xyz, 0, 1, parameters, most=len(xyz))
+    yield map_in_tiles("one tile", xyz, 0, 1, parameters, most=len(xyz))
 
 
 def grown(how: str, xyz: Float64, size: int, parameters: Parameters, looks: int = LOOKS) -> Row:
@@ -134,7 +134,7 @@ def grown(how: str, xyz: Float64, size: int, parameters: Parameters, looks: int 
     return Row(how, len(keyframes), surface.size, len(compared), differing, seconds)
 
 
-def tiled(
+def map_in_tiles(
     how: str, xyz: Float64, shift: int, threads: int, parameters: Parameters, most: int = 0
 ) -> Row:
     """Make a map in tiles of ``2**shift`` cells, or larger ones of so many points at most."""
@@ -144,7 +144,7 @@ def tiled(
     blocks = PointBlocks(pipeline.cell_size, shift=shift)
     blocks.add(points)
     tiles = tiles_of(blocks, pipeline.reach, most)
-    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
+    surface = join(pipeline.grid, list(evaluate_tiles(pipeline, blocks, tiles, Threads(threads))))
     seconds = time.perf_counter() - begin
     differing = differ(surface, one_pass([Keyframe(xyz)], parameters))
     return Row(how, len(tiles), surface.size, 1, differing, seconds)
@@ -154,7 +154,7 @@ def one_pass(keyframes: Sequence[Keyframe], parameters: Parameters) -> SurfaceMa
     """Return what every stage makes of all points at once."""
     pipeline = Pipeline(parameters, "map", Report())
     points: Points = gather(keyframes).points
-    return pipeline.finished(pipeline.mapped(pipeline.measured(points)))
+    return pipeline.run_final_stages(pipeline.run_map_stages(pipeline.filter_and_group(points)))
 
 
 def differ(one: SurfaceMap, other: SurfaceMap) -> int:

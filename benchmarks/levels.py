@@ -20,7 +20,7 @@ from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.parts import cell, cells, floor, wall
-from mlscli.scenes.presets import PRESETS, make
+from mlscli.scenes.presets import SCENE_PRESETS, make
 from mlscli.scenes.surfaces import Leg, Scene
 from mlscli.scoring import Score
 from mlscli.trials.quality import GRID, flown, scored
@@ -28,7 +28,7 @@ from mlscli.trials.quality import GRID, flown, scored
 SEEDS = (1, 2, 3)
 SIGMA, CELL = 0.05, 0.15
 OUTLIERS = (0.1, 0.2)
-THESIS = tuple(preset.name for preset in PRESETS if preset.number)
+THESIS = tuple(preset.name for preset in SCENE_PRESETS if preset.number)
 
 
 def narrow_passage() -> Scene:

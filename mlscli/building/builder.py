@@ -25,7 +25,7 @@ from mlscli.pipeline.parameters import Parameters, to_dict
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.cluster import Cluster
-from mlscli.pipeline.tilewise.tiles import Threads, Workers, tiled
+from mlscli.pipeline.tilewise.tiles import Threads, Workers, map_in_tiles
 from mlscli.runtime.arrays import Float64
 from mlscli.version import __version__
 
@@ -151,7 +151,9 @@ class MapBuilder:
             if self._waiting:
                 self._process_waiting()
             surface = self._at_once() if self._growing is None else self._up_to_date()
-            self._finished = self._described(self._pipeline.finished(surface, self._progress))
+            self._finished = self._described(
+                self._pipeline.run_final_stages(surface, self._progress)
+            )
         return self._finished
 
     def _wait(self, keyframe: Keyframe) -> None:
@@ -197,9 +199,11 @@ class MapBuilder:
         """Return the map that one pass makes of all points, by those who are to make it."""
         pipeline, progress = self._pipeline, self._progress
         if self._workers is not None:
-            return tiled(pipeline, self._unseen(), self._workers, progress)
+            return map_in_tiles(pipeline, self._unseen(), self._workers, progress)
         # Nothing here keeps the points: they are let go as soon as they are filtered.
-        return pipeline.mapped(pipeline.measured(self._unseen(), progress), progress)
+        return pipeline.run_map_stages(
+            pipeline.filter_and_group(self._unseen(), progress), progress
+        )
 
     def _seed(self) -> GrowingMap:
         """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""

@@ -13,7 +13,7 @@ from mlscli.runtime.threads import in_ranges
 NEIGHBOUR = 4
 
 
-def auto_cell_size(xyz: Float64, told: Callable[[int], None] | None = None) -> float:
+def auto_cell_size(xyz: Float64, progress: Callable[[int], None] | None = None) -> float:
     """Return twice the median 3D distance of a point to its fourth nearest neighbour.
 
     Neither the order of the points nor the grid's symmetries change it, and outliers hardly
@@ -23,7 +23,7 @@ def auto_cell_size(xyz: Float64, told: Callable[[int], None] | None = None) -> f
     ----------
     xyz : float64 (N, 3)
         All points of the recording, before any filter.
-    told : callable, optional
+    progress : callable, optional
         Called with how many of them are done, now and then.
 
     Raises
@@ -46,7 +46,7 @@ def auto_cell_size(xyz: Float64, told: Callable[[int], None] | None = None) -> f
         distances, _ = tree.query(xyz[tree.indices[begin:end]], k=[NEIGHBOUR + 1])
         return np.asarray(distances)
 
-    distances = np.concatenate(in_ranges(len(xyz), nearest, told))
+    distances = np.concatenate(in_ranges(len(xyz), nearest, progress))
     size = float(f"{2 * float(np.median(distances)):.1e}")
     if not size > 0:
         raise InputError(

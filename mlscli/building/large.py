@@ -2,7 +2,7 @@
 
 The keyframes are read once, and their points sorted into blocks of cells on disk, as many at a
 time as memory holds. Then the map is evaluated tile by tile, the tiles put on disk too, and in the
-end put together in the file's order, strip by strip.
+end put together in the file's order, band by band.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.blocks import PointBlocks
 from mlscli.pipeline.tilewise.connection import connected, refuse_local
 from mlscli.pipeline.tilewise.tiles import (
-    COMFORTABLE,
+    COMFORTABLE_POINTS,
     Threads,
     Tile,
     Workers,
-    in_tiles,
-    joined,
+    evaluate_tiles,
+    join,
     tiles_of,
 )
 from mlscli.runtime.arrays import Array, Int32, Int64
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
 
 # Bytes with which work can be done at all, besides those of the program itself.
-LEAST = 32 * 2**20
+LEAST_BYTES = 32 * 2**20
 
 
 class LargeBuild(NamedTuple):
@@ -151,8 +151,8 @@ class _LargeMapBuilder(MapBuilder):
         # What the program takes by itself, its kernels loaded, is no room for points.
         self._seed()
         self._room = memory - resident()
-        if self._room < LEAST:
-            raise too_little(memory, memory - self._room + LEAST)
+        if self._room < LEAST_BYTES:
+            raise too_little(memory, memory - self._room + LEAST_BYTES)
         self._memory = memory
 
     def _process_waiting(self) -> None:
@@ -165,8 +165,8 @@ class _LargeMapBuilder(MapBuilder):
         self._held = 0
         with self.report.timed("sorting"):
             self._blocks.add(self._unseen())
-        if self._left < LEAST:
-            least = self._memory - self._left + LEAST
+        if self._left < LEAST_BYTES:
+            least = self._memory - self._left + LEAST_BYTES
             what = f"the points lie in {self._blocks.entries:,} blocks, which have to be listed"
             raise too_little(self._memory, least, what)
 
@@ -184,27 +184,31 @@ class _LargeMapBuilder(MapBuilder):
         pipeline = self._pipeline
         parts = [
             _PatchesByX.of(surface, self._disk)
-            for surface in in_tiles(pipeline, self._blocks, tiles, self._evaluators, self._progress)
+            for surface in evaluate_tiles(
+                pipeline, self._blocks, tiles, self._evaluators, self._progress
+            )
         ]
-        strips = _strips(parts, pipeline.grid, self._room // 2 // ORDERED)
+        bands = _bands(parts, pipeline.grid, self._room // 2 // ORDERED)
         if pipeline.final_stages:
             patches = sum(int(part.start[-1]) for part in parts)
             if patches * FINISHED > self._room:
                 least = self._memory - self._room + patches * FINISHED
                 what = f"{pipeline.final_stages[0].name} needs the whole map, {patches:,} patches"
                 raise too_little(self._memory, least, what)
-            strips = iter([pipeline.finished(joined(pipeline.grid, list(strips)), self._progress)])
+            bands = iter(
+                [pipeline.run_final_stages(join(pipeline.grid, list(bands)), self._progress)]
+            )
         surface = StoredMap(pipeline.grid, [])
         kept = 0
         with self.report.timed("writing"):
-            for strip in strips:
-                surface.put(strip, self._disk)
-                kept += points_in(strip)
+            for band in bands:
+                surface.put(band, self._disk)
+                kept += points_in(band)
         return replace(surface, route=np.concatenate(self._routes), meta=self._meta(kept))
 
     def _tiles(self) -> list[Tile]:
         most = self._left // self._evaluators.memory_per_point
-        tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE))
+        tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE_POINTS))
         crowd = max(tile.points for tile in tiles)
         if crowd > most:
             least = self._memory - self._left + crowd * self._evaluators.memory_per_point
@@ -233,15 +237,15 @@ class _PatchesByX(NamedTuple):
         return self.patches[begin:end]
 
 
-def _strips(parts: list[_PatchesByX], grid: Grid, most: int) -> Iterator[SurfaceMap]:
-    """Yield the map in strips along y, of about so many patches at most, in the file's order."""
+def _bands(parts: list[_PatchesByX], grid: Grid, most: int) -> Iterator[SurfaceMap]:
+    """Yield the map in bands along y, of about so many patches at most, in the file's order."""
     ix, places = np.unique(np.concatenate([part.ix for part in parts]), return_inverse=True)
     sizes = np.zeros(len(ix), dtype=np.int64)
     np.add.at(sizes, places, np.concatenate([np.diff(part.start) for part in parts]))
-    strip = np.cumsum(sizes) // max(most, 1)
-    for first, last in pairwise([*ix[runs(strip)[:-1]].tolist(), 2**31]):
+    band = np.cumsum(sizes) // max(most, 1)
+    for first, last in pairwise([*ix[runs(band)[:-1]].tolist(), 2**31]):
         records = [part.between(first, last) for part in parts]
-        yield joined(grid, [surface_of(part, grid) for part in records if len(part)])
+        yield join(grid, [surface_of(part, grid) for part in records if len(part)])
 
 
 def too_little(memory: int, least: int, why: str = "") -> UsageError:

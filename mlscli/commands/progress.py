@@ -9,7 +9,7 @@ import time
 
 import click
 
-WIDTH = 24
+BAR_WIDTH = 24
 BETWEEN = 0.1  # seconds between two drawings
 
 
@@ -53,8 +53,8 @@ def line(what: str, done: int, total: int | None, seconds: float) -> str:
     speed = f"  {rate:,.0f}/s" if rate else ""
     if not total:
         return f"{what}  {done:,}{speed}"
-    filled = min(WIDTH, WIDTH * done // total)
-    bar = "#" * filled + "-" * (WIDTH - filled)
+    filled = min(BAR_WIDTH, BAR_WIDTH * done // total)
+    bar = "#" * filled + "-" * (BAR_WIDTH - filled)
     left = f"  {_clock((total - done) / rate)} left" if rate and done < total else ""
     return f"{what:<10} [{bar}] {done:,}/{total:,}{speed}{left}"
 

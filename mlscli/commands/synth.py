@@ -172,7 +172,7 @@ def command(
 
 
 def _scenes(as_json: bool) -> str:
-    from mlscli.scenes.presets import PRESETS
+    from mlscli.scenes.presets import SCENE_PRESETS
 
     if as_json:
         rows = [
@@ -182,11 +182,11 @@ def _scenes(as_json: bool) -> str:
                 "summary": preset.summary,
                 "add_param": preset.dimension._asdict() if preset.dimension else None,
             }
-            for preset in PRESETS
+            for preset in SCENE_PRESETS
         ]
         return json.dumps(rows, indent=2)
     lines = []
-    for preset in PRESETS:
+    for preset in SCENE_PRESETS:
         dimension = preset.dimension
         what = f" (--add-param {dimension.default:g}: {dimension.what})" if dimension else ""
         lines.append((f"{preset.number or '':>1} {preset.name}", preset.summary + what))

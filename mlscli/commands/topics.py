@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from mlscli.geometry.transforms import TransformTree
     from mlscli.io.source import Source, Topic
 
-_SECONDS = 5.0  # for transforms: an hour of them, where they do not lie among images
+_LOOK_SECONDS = 5.0  # for transforms: an hour of them, where they do not lie among images
 
 
 def describe(source: Source) -> dict[str, Any]:
@@ -17,11 +17,13 @@ def describe(source: Source) -> dict[str, Any]:
     from mlscli.io.reading.frames import told_tree, why_not_mapped
     from mlscli.io.reading.glance import Glance
 
-    glance = Glance(seconds=_SECONDS)
+    glance = Glance(seconds=_LOOK_SECONDS)
     tree = told_tree([glance.of(source)])
     notes = list(source.notes)
     if glance.poses_cut:
-        notes.append(f"frames and what leads to them: by the transforms read in {_SECONDS:g} s")
+        notes.append(
+            f"frames and what leads to them: by the transforms read in {_LOOK_SECONDS:g} s"
+        )
     reasons = why_not_mapped(source, tree)
     return {
         "topics": [

@@ -14,10 +14,10 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from mlscli.config.draft import Draft, Part
+from mlscli.config.draft import Draft, DraftPart
 from mlscli.config.yaml_nodes import LocatedFault, Place, UnreadableYaml
 from mlscli.errors import ConfigError, InputError, nearest
-from mlscli.parameters.fields import Field, fields_of, write_value
+from mlscli.parameters.fields import ParameterField, fields_of, write_value
 from mlscli.pipeline.parameters import (
     DEFAULT_PIPELINE,
     SECTIONS,
@@ -31,7 +31,7 @@ from mlscli.pipeline.stages.registry import STAGES
 __all__ = ["PRESETS", "load", "loads", "preset_text", "to_yaml"]
 
 PRESETS = ("default", "plain", "thesis")
-MAX_BYTES = 1_000_000
+MAX_CONFIG_BYTES = 1_000_000
 
 
 def load(source: str | os.PathLike[str] | None = None, sets: Sequence[str] = ()) -> Parameters:
@@ -84,7 +84,7 @@ def _file_text(source: str | os.PathLike[str]) -> str:
     path = Path(source)
     try:
         with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+            data = stream.read(MAX_CONFIG_BYTES + 1)
     except FileNotFoundError:
         bare = path.name == os.fspath(source) and not path.suffix
         hint = f", nor a preset; {nearest(path.name, PRESETS)}" if bare else ""
@@ -92,8 +92,8 @@ def _file_text(source: str | os.PathLike[str]) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read as a configuration: {reason}") from error
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{path}: more than {MAX_BYTES} bytes, which is no configuration")
+    if len(data) > MAX_CONFIG_BYTES:
+        raise InputError(f"{path}: more than {MAX_CONFIG_BYTES} bytes, which is no configuration")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -130,7 +130,7 @@ def _assemble(draft: Draft) -> Parameters:
     """Give every parameter its value: as given, from another, or the default."""
     in_force: dict[str, Any] = {}
 
-    def values(part: Part) -> dict[str, Any]:
+    def values(part: DraftPart) -> dict[str, Any]:
         taken = {}
         for item in fields_of(part.owner).values():
             value = part.given[item.name].value if item.name in part.given else None
@@ -181,6 +181,6 @@ def _commented(part: object, indent: str) -> Iterator[str]:
         yield f"{indent}{item.name}: {write_value(getattr(part, item.name))}"
 
 
-def _range(item: Field) -> str:
+def _range(item: ParameterField) -> str:
     default = item.default_from or write_value(item.default)
     return f"{item.accepts}; default: {default}"

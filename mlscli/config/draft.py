@@ -35,7 +35,7 @@ class Given(NamedTuple):
 
 
 @dataclass
-class Part:
+class DraftPart:
     """A section or a stage as it was given.
 
     Attributes
@@ -82,10 +82,10 @@ class Draft:
         stages: Mapping[str, type],
         pipeline: Mapping[str, Mapping[str, Any]],
     ) -> None:
-        self.sections = {name: Part(name, owner) for name, owner in sections.items()}
+        self.sections = {name: DraftPart(name, owner) for name, owner in sections.items()}
         self.stages = stages
         self.pipeline = [
-            Part(name, stages[name], chosen=chosen) for name, chosen in pipeline.items()
+            DraftPart(name, stages[name], chosen=chosen) for name, chosen in pipeline.items()
         ]
         self.faults: list[LocatedFault] = []
         self._pipeline_known = True
@@ -143,7 +143,7 @@ class Draft:
             # Several stages of one name share the setting, and so its fault.
             self._give(part, Key(place, parameter), node or ScalarNode(place, None), number == 0)
 
-    def _parts_named(self, place: Place, part_name: str, parameter: str) -> list[Part]:
+    def _parts_named(self, place: Place, part_name: str, parameter: str) -> list[DraftPart]:
         """Return the parts that a setting speaks of, none where its name is at fault."""
         owners = {name: part.owner for name, part in self.sections.items()} | dict(self.stages)
         path = f"{part_name}.{parameter}" if part_name else parameter
@@ -172,7 +172,7 @@ class Draft:
             there = ", ".join(dict.fromkeys(part.name for part in self.pipeline)) or "none"
             self.fault(place, f"{path}: {part_name} is not in the pipeline; its stages: {there}")
         # The value is checked even so, where faults elsewhere hide whether the stage is there.
-        return parts or [Part(part_name, owners[part_name])]
+        return parts or [DraftPart(part_name, owners[part_name])]
 
     def _top_names(self) -> list[str]:
         top = [*fields_of(self.sections[""].owner)]
@@ -195,7 +195,7 @@ class Draft:
                 first[key.name] = key.place
                 yield key, value
 
-    def _read_part(self, part: Part, node: Node, place: Place) -> None:
+    def _read_part(self, part: DraftPart, node: Node, place: Place) -> None:
         """Read the parameters of a section or a stage; without any, it keeps its defaults."""
         part.place = place
         if isinstance(node, MapNode):
@@ -232,7 +232,7 @@ class Draft:
             right = "expected one stage for each '-', its parameters indented deeper or in { }"
             self.fault(item.place, f"pipeline: found {found}; {right}")
         if key.name in self.stages:
-            part = Part(key.name, self.stages[key.name])
+            part = DraftPart(key.name, self.stages[key.name])
             self.pipeline.append(part)
             self._read_part(part, node, key.place)
             return
@@ -241,7 +241,7 @@ class Draft:
             path = shorten(f"pipeline.{key.name}")
             self.fault(key.place, f"{path}: unknown stage; {nearest(key.name, self.stages)}")
 
-    def _give(self, part: Part, key: Key, node: Node, report: bool = True) -> None:
+    def _give(self, part: DraftPart, key: Key, node: Node, report: bool = True) -> None:
         value = UNKNOWN
         if isinstance(node, ScalarNode):
             try:

@@ -131,7 +131,7 @@ def read_yaml(
     def locate(mark: Any) -> Place:
         return place or Place(name, mark.line + 1, mark.column + 1)
 
-    reader = _Reader(text, locate)
+    reader = _YamlReader(text, locate)
     try:
         return reader.document(), reader.faults
     except yaml.reader.ReaderError as error:
@@ -149,7 +149,7 @@ def read_yaml(
         raise UnreadableYaml(LocatedFault(reader.last, message)) from error
 
 
-class _Reader:
+class _YamlReader:
     """Builds nodes from the parser's events."""
 
     def __init__(self, text: str, locate: Callable[[Any], Place]) -> None:

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
+NANOSECONDS = 10**9
+"""In a second."""
+
 METADATA_FILE = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
 

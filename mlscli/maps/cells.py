@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.maps.patches import runs
-from mlscli.maps.strips import SHIFT, SIDE, Strips, strips_of, widened
+from mlscli.maps.strips import STRIP_BITS, STRIP_CELLS, Strips, strips_of, widened
 from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
-LEAST, GREATEST = -(2**31), 2**31 - 1
+LEAST_INDEX, GREATEST_INDEX = -(2**31), 2**31 - 1
 
 # So many strips are listed without a thought.
-_FEW = 2**14
+_FEW_STRIPS = 2**14
 
 
 def cell_indices(coordinates: Float64, cell_size: float) -> Float64:
@@ -39,22 +39,22 @@ def _on_grid(xyz: Float64, cell_size: float) -> Bool:
     for i in range(len(xyz)):
         for axis in range(2):
             index = np.floor(xyz[i, axis] / cell_size)
-            inside[i] &= LEAST <= index <= GREATEST
+            inside[i] &= LEAST_INDEX <= index <= GREATEST_INDEX
     return inside
 
 
 @inner
 def key_of(ix: int, iy: int) -> np.uint64:
     """Return the packed key of a cell."""
-    return np.uint64(np.uint64(ix - LEAST) << np.uint64(32) | np.uint64(iy - LEAST))
+    return np.uint64(np.uint64(ix - LEAST_INDEX) << np.uint64(32) | np.uint64(iy - LEAST_INDEX))
 
 
 @inner
 def cell_of(key: np.uint64) -> tuple[int, int]:
     """Return the indices (ix, iy) of the cell with a packed key."""
     return (
-        np.int64(key >> np.uint64(32)) + LEAST,  # type: ignore[return-value]
-        np.int64(key & np.uint64(0xFFFFFFFF)) + LEAST,
+        np.int64(key >> np.uint64(32)) + LEAST_INDEX,  # type: ignore[return-value]
+        np.int64(key & np.uint64(0xFFFFFFFF)) + LEAST_INDEX,
     )
 
 
@@ -148,8 +148,8 @@ class CellSet:
         strips = self._strips
         if self.reach == 0:
             return strips
-        square = (2 * self.reach + 1) * ((2 * self.reach >> SHIFT) + 2)
-        if len(strips.number) * square > max(_FEW, most):
+        square = (2 * self.reach + 1) * ((2 * self.reach >> STRIP_BITS) + 2)
+        if len(strips.number) * square > max(_FEW_STRIPS, most):
             return None
         return Strips(*widened(*strips, self.reach))
 
@@ -160,7 +160,7 @@ class CellSet:
 
     def strips_among(self, numbers: UInt64) -> Strips:
         """Return those cells of the set that lie in the strips given, which ascend."""
-        cells = numbers[:, None] << np.uint64(SHIFT) | np.arange(SIDE, dtype=np.uint64)
+        cells = numbers[:, None] << np.uint64(STRIP_BITS) | np.arange(STRIP_CELLS, dtype=np.uint64)
         keys = cells.ravel()
         return Strips(*strips_of(keys[self.contains(*unpack(keys))]))
 

@@ -21,7 +21,7 @@ class Keys(NamedTuple):
     points: UInt32
 
 
-class Columns(NamedTuple):
+class OccupiedCells(NamedTuple):
     """The cells that hold patches, in the file's order, and where their patches begin.
 
     Attributes
@@ -37,7 +37,7 @@ class Columns(NamedTuple):
     start: Int64
 
     @classmethod
-    def of(cls, ix: Int32, iy: Int32) -> Columns:
+    def of(cls, ix: Int32, iy: Int32) -> OccupiedCells:
         """Return the cells of patches that ascend by (ix, iy)."""
         start = _starts(ix, iy)
         return cls(ix[start[:-1]], iy[start[:-1]], start)

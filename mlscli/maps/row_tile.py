@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.maps.rows import alike, copied, note_missing
-from mlscli.maps.strips import SHIFT, SIDE, WIDTH, Strips
+from mlscli.maps.strips import IY_BITS, STRIP_BITS, STRIP_CELLS, Strips
 from mlscli.runtime.arrays import ZERO, Array, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
@@ -19,11 +19,11 @@ Number = np.uint64
 
 # A tile is 2**6 cells wide, and so many strips high: what it costs to let one grow, or to tidy it
 # up, is a small and bounded part of what a map costs.
-TILE = 6
-HIGH = 2 ** (TILE - SHIFT)
+TILE_BITS = 6
+TILE_STRIPS = 2 ** (TILE_BITS - STRIP_BITS)
 
 
-class Tile:
+class RowTile:
     """The rows of a square of cells.
 
     Attributes
@@ -32,7 +32,7 @@ class Tile:
         Which square.
     place : int32 (strips,)
         By (ix, iy): where in `runs` the cells of a strip are listed; -1: nowhere.
-    runs : int32 (., SIDE, 2)
+    runs : int32 (., STRIP_CELLS, 2)
         Where the rows of each cell begin, and how many they are.
     rows : uint64 (., words)
     used : int64 (3,)
@@ -41,8 +41,8 @@ class Tile:
 
     def __init__(self, number: int, words: int) -> None:
         self.number = number
-        self.place = np.full(2**TILE * HIGH, -1, dtype=np.int32)
-        self.runs = np.zeros((1, SIDE, 2), dtype=np.int32)
+        self.place = np.full(2**TILE_BITS * TILE_STRIPS, -1, dtype=np.int32)
+        self.runs = np.zeros((1, STRIP_CELLS, 2), dtype=np.int32)
         self.rows = np.empty((4, words), dtype=np.uint64)
         self.used = np.zeros(3, dtype=np.int64)
 
@@ -78,7 +78,7 @@ class Tile:
         """See that there is room for more strips and rows."""
         listed, filled, kept = self.used.tolist()
         if listed + strips > len(self.runs):
-            runs = np.zeros((2 * (listed + strips), SIDE, 2), dtype=np.int32)
+            runs = np.zeros((2 * (listed + strips), STRIP_CELLS, 2), dtype=np.int32)
             runs[:listed] = self.runs[:listed]
             self.runs = runs
         if filled + rows > len(self.rows):
@@ -120,15 +120,18 @@ def _run(runs: Array, strip: int, cell: int) -> tuple[int, int]:
 @inner
 def tile_of(strip: Any) -> Any:
     """Return the number of the tile in which a strip lies: 32 bits for x, the others for y."""
-    x, y = strip >> np.uint64(WIDTH), strip & np.uint64(2**WIDTH - 1)
-    return x >> np.uint64(TILE) << np.uint64(32) | y >> np.uint64(TILE - SHIFT)
+    x, y = strip >> np.uint64(IY_BITS), strip & np.uint64(2**IY_BITS - 1)
+    return x >> np.uint64(TILE_BITS) << np.uint64(32) | y >> np.uint64(TILE_BITS - STRIP_BITS)
 
 
 @inner
 def _place_of(strip: Number) -> Any:
     """Return which of its tile's strips a strip is."""
-    x, y = strip >> np.uint64(WIDTH), strip & np.uint64(2**WIDTH - 1)
-    return np.int64((x & np.uint64(2**TILE - 1)) * np.uint64(HIGH) + (y & np.uint64(HIGH - 1)))
+    x, y = strip >> np.uint64(IY_BITS), strip & np.uint64(2**IY_BITS - 1)
+    return np.int64(
+        (x & np.uint64(2**TILE_BITS - 1)) * np.uint64(TILE_STRIPS)
+        + (y & np.uint64(TILE_STRIPS - 1))
+    )
 
 
 @kernel
@@ -138,9 +141,9 @@ def _strips_in(number: int, place: Array) -> UInt64:
     size = 0
     for at in range(len(place)):
         if place[at] >= 0:
-            x = (number >> 32 << TILE) + at // HIGH
-            y = ((number & 0xFFFFFFFF) << (TILE - SHIFT)) + at % HIGH
-            numbers[size] = np.uint64(x) << np.uint64(WIDTH) | np.uint64(y)
+            x = (number >> 32 << TILE_BITS) + at // TILE_STRIPS
+            y = ((number & 0xFFFFFFFF) << (TILE_BITS - STRIP_BITS)) + at % TILE_STRIPS
+            numbers[size] = np.uint64(x) << np.uint64(IY_BITS) | np.uint64(y)
             size += 1
     return numbers[:size]
 
@@ -159,7 +162,7 @@ def _count(
         if tile_of(strips[s]) == np.uint64(number):
             at = place[_place_of(strips[s])]
             if at >= 0:
-                for cell in range(SIDE):
+                for cell in range(STRIP_CELLS):
                     if _has(bits[s], cell):
                         counts[s + 1] += runs[at, cell, 1]
 
@@ -187,7 +190,7 @@ def _fetch(
     for s in range(len(strips)):
         if start[s] < start[s + 1] and tile_of(strips[s]) == np.uint64(number):
             at, to = place[_place_of(strips[s])], start[s]
-            for cell in range(SIDE):
+            for cell in range(STRIP_CELLS):
                 if _has(bits[s], cell):
                     begin, size = _run(runs, at, cell)
                     to = copied(rows, begin, size, fetched, to)
@@ -199,7 +202,7 @@ def _tidy_up(place: Array, runs: Array, rows: UInt64, tidy: UInt64) -> None:
     to = ZERO
     for at in place:
         if at >= 0:
-            for cell in range(SIDE):
+            for cell in range(STRIP_CELLS):
                 begin, size = _run(runs, at, cell)
                 runs[at, cell, 0] = to
                 to = copied(rows, begin, size, tidy, to)
@@ -247,9 +250,9 @@ def _update(
             at = used[0]
             place[_place_of(strips[s])] = at
             used[0] += 1
-        for cell in range(SIDE):
+        for cell in range(STRIP_CELLS):
             begin = first
-            while first < last and new[first, 0] & np.uint64(SIDE - 1) == np.uint64(cell):
+            while first < last and new[first, 0] & np.uint64(STRIP_CELLS - 1) == np.uint64(cell):
                 first += 1
             if not _has(bits[s], cell):
                 continue

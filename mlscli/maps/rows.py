@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.maps.strips import SHIFT
+from mlscli.maps.strips import STRIP_BITS
 from mlscli.runtime.arrays import ONE, ZERO, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
@@ -43,10 +43,10 @@ def starts(rows: UInt64, strips: UInt64) -> Int64:
     start = np.empty((len(strips), 2), dtype=np.int64)
     i = 0
     for s in range(len(strips)):
-        while i < len(rows) and rows[i, 0] >> np.uint64(SHIFT) < strips[s]:
+        while i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) < strips[s]:
             i += 1
         start[s, 0] = i
-        while i < len(rows) and rows[i, 0] >> np.uint64(SHIFT) == strips[s]:
+        while i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) == strips[s]:
             i += 1
         start[s, 1] = i
     return start

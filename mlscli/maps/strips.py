@@ -14,11 +14,11 @@ from mlscli.runtime.arrays import ZERO, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
 # A strip has 2**5 cells: some more than what a batch of a sparse cloud touches of a column.
-SHIFT = 5
-SIDE = 2**SHIFT
+STRIP_BITS = 5
+STRIP_CELLS = 2**STRIP_BITS
 
 # A strip is the packed key of its cells without the last bits: 32 bits for ix, the others for iy.
-WIDTH = 32 - SHIFT
+IY_BITS = 32 - STRIP_BITS
 
 
 class Strips(NamedTuple):
@@ -27,9 +27,9 @@ class Strips(NamedTuple):
     Attributes
     ----------
     number : uint64 (S,)
-        Packed keys of the strips' cells, shifted by `SHIFT`; ascending, each once.
+        Packed keys of the strips' cells, shifted by `STRIP_BITS`; ascending, each once.
     bits : uint64 (S,)
-        Which of its cells are in the set: for that with the packed key c, bit ``c % SIDE``.
+        Which of its cells are in the set: for that with the packed key c, bit ``c % STRIP_CELLS``.
     """
 
     number: UInt64
@@ -42,11 +42,11 @@ def strips_of(cells: UInt64) -> tuple[UInt64, UInt64]:
     number, bits = np.empty_like(cells), np.zeros_like(cells)
     size = 0
     for cell in cells:
-        strip = cell >> np.uint64(SHIFT)
+        strip = cell >> np.uint64(STRIP_BITS)
         if size == 0 or number[size - 1] != strip:
             number[size] = strip
             size += 1
-        bits[size - 1] |= np.uint64(1) << (cell & np.uint64(SIDE - 1))
+        bits[size - 1] |= np.uint64(1) << (cell & np.uint64(STRIP_CELLS - 1))
     return number[:size], bits[:size]
 
 
@@ -79,12 +79,12 @@ def _spread(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UIn
 @inner
 def _moved(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
     """Return the image of a set so far away, without what lies off the grid."""
-    by = np.uint64(dy & (SIDE - 1))
+    by = np.uint64(dy & (STRIP_CELLS - 1))
     # Bits that are moved out of a strip come to lie in the next.
-    one = _shifted(number, bits << by & np.uint64(2**SIDE - 1), dx, dy >> SHIFT)
+    one = _shifted(number, bits << by & np.uint64(2**STRIP_CELLS - 1), dx, dy >> STRIP_BITS)
     if by == 0:
         return one
-    next_one = _shifted(number, bits >> (np.uint64(SIDE) - by), dx, (dy >> SHIFT) + 1)
+    next_one = _shifted(number, bits >> (np.uint64(STRIP_CELLS) - by), dx, (dy >> STRIP_BITS) + 1)
     return _united(one[0], one[1], next_one[0], next_one[1])
 
 
@@ -94,10 +94,10 @@ def _shifted(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UI
     moved, kept = np.empty_like(number), np.empty_like(bits)
     size = 0
     for i in range(len(number)):
-        x = np.int64(number[i] >> np.uint64(WIDTH)) + dx
-        y = np.int64(number[i] & np.uint64(2**WIDTH - 1)) + dy
-        if bits[i] and 0 <= x < 2**32 and 0 <= y < 2**WIDTH:
-            moved[size] = np.uint64(x) << np.uint64(WIDTH) | np.uint64(y)
+        x = np.int64(number[i] >> np.uint64(IY_BITS)) + dx
+        y = np.int64(number[i] & np.uint64(2**IY_BITS - 1)) + dy
+        if bits[i] and 0 <= x < 2**32 and 0 <= y < 2**IY_BITS:
+            moved[size] = np.uint64(x) << np.uint64(IY_BITS) | np.uint64(y)
             kept[size] = bits[i]
             size += 1
     return moved[:size], kept[:size]

@@ -18,7 +18,7 @@ import numpy as np
 from mlscli.errors import InputError
 from mlscli.maps.cells import CellSet, Limits
 from mlscli.maps.grid import Grid
-from mlscli.maps.order import Columns, Keys, ascend, bare, come_before, interleave, pick
+from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
 from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt8, UInt32
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -165,9 +165,9 @@ class SurfaceMap:
         return self.height - self.depth
 
     @cached_property
-    def cells(self) -> Columns:
+    def cells(self) -> OccupiedCells:
         """The occupied cells and where their patches begin."""
-        return Columns.of(self.ix, self.iy)
+        return OccupiedCells.of(self.ix, self.iy)
 
     @property
     def keys(self) -> Keys:

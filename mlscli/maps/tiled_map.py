@@ -7,7 +7,7 @@ from mlscli.maps.change import Change
 from mlscli.maps.grid import Grid
 from mlscli.maps.records import WORDS, records_in, records_of, rows_in, surface_of
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.maps.tiled_rows import Tiles
+from mlscli.maps.tiled_rows import TiledRows
 from mlscli.runtime.arrays import Array
 
 
@@ -21,7 +21,7 @@ class TiledMap:
 
     def __init__(self, grid: Grid) -> None:
         self._grid = grid
-        self._tiles = Tiles(WORDS)
+        self._tiles = TiledRows(WORDS)
 
     def extract(self, cells: CellSet) -> SurfaceMap:
         """Return the patches in `cells`."""

@@ -13,17 +13,17 @@ import numpy as np
 
 from mlscli.maps.cells import CellSet
 from mlscli.maps.patches import runs
-from mlscli.maps.row_tile import HIGH, Tile, summed, tile_of
+from mlscli.maps.row_tile import TILE_STRIPS, RowTile, summed, tile_of
 from mlscli.maps.rows import merged, starts
-from mlscli.maps.strips import SHIFT, SIDE, Strips
+from mlscli.maps.strips import STRIP_BITS, STRIP_CELLS, Strips
 from mlscli.runtime.arrays import Int64, UInt64
 from mlscli.runtime.kernels import kernel
 
 # What so many tiles hold is sorted, not merged one by one.
-_MANY = 8
+_MANY_TILES = 8
 
 
-class Tiles:
+class TiledRows:
     """Rows by cell; those of one cell stay in their order.
 
     No call touches more tiles than it names cells in.
@@ -36,7 +36,7 @@ class Tiles:
 
     def __init__(self, words: int) -> None:
         self._words = words
-        self._tiles: dict[int, Tile] = {}
+        self._tiles: dict[int, RowTile] = {}
         # How many strips these list.
         self._there = 0
 
@@ -71,7 +71,7 @@ class Tiles:
         start = starts(new, strips.number)
         removed, added = [], []
         for number, own in _by_tile(strips):
-            tile = self._tiles.get(number) or Tile(number, self._words)
+            tile = self._tiles.get(number) or RowTile(number, self._words)
             mine, its_new = _take(strips, own), start if own is None else start[own]
             unlisted, to_come = tile.to_come(mine, its_new)
             if tile.empty and not to_come:
@@ -91,16 +91,16 @@ class Tiles:
     def whole(self) -> UInt64:
         """Return all rows, ascending by cell."""
         numbers = self._listed()
-        return self._rows(Strips(numbers, np.full_like(numbers, 2**SIDE - 1)))
+        return self._rows(Strips(numbers, np.full_like(numbers, 2**STRIP_CELLS - 1)))
 
     def _rows(self, strips: Strips) -> UInt64:
         """Return the rows in a set of cells, ascending by cell."""
         there = [(self._tiles[n], own) for n, own in _by_tile(strips) if n in self._tiles]
-        if len(there) < _MANY:
+        if len(there) < _MANY_TILES:
             return self._fetched([tile for tile, _ in there], strips)
         return self._together([self._fetched([tile], _take(strips, own)) for tile, own in there])
 
-    def _fetched(self, tiles: list[Tile], strips: Strips) -> UInt64:
+    def _fetched(self, tiles: list[RowTile], strips: Strips) -> UInt64:
         start = np.zeros(len(strips.number) + 1, dtype=np.int64)
         for tile in tiles:
             tile.count(strips, start)
@@ -112,11 +112,11 @@ class Tiles:
     def _strips(self, cells: CellSet, new: UInt64 | None = None) -> Strips:
         """Return a set by strips, if only by those that there are where these are the fewer."""
         # To go through those that there are costs more, cell by cell.
-        strips = cells.strips(most=SIDE * self._there)
+        strips = cells.strips(most=STRIP_CELLS * self._there)
         if strips is None:
             listed = [self._listed()]
             if new is not None:
-                listed.append(new[:, 0] >> np.uint64(SHIFT))
+                listed.append(new[:, 0] >> np.uint64(STRIP_BITS))
             strips = cells.strips_among(np.unique(np.concatenate(listed)))
         return strips
 
@@ -127,7 +127,7 @@ class Tiles:
         return np.sort(np.concatenate(numbers))
 
     def _together(self, parts: list[UInt64]) -> UInt64:
-        if len(parts) < _MANY:
+        if len(parts) < _MANY_TILES:
             return reduce(merged, parts) if parts else np.empty((0, self._words), dtype=np.uint64)
         rows = np.concatenate(parts)
         return rows[np.argsort(rows[:, 0], kind="stable")]
@@ -143,7 +143,7 @@ def _by_tile(strips: Strips) -> Iterator[tuple[int, Int64 | None]]:
     Where tiles are few they are told of all (None): it costs less to pass over those of others.
     """
     numbers = dict.fromkeys(_tiles_of(strips.number).tolist())
-    if len(numbers) < _MANY:
+    if len(numbers) < _MANY_TILES:
         yield from numbers.items()
         return
     tiles = tile_of(strips.number)
@@ -160,7 +160,7 @@ def _tiles_of(strips: UInt64) -> UInt64:
         number = tile_of(strip)
         # Most strips lie in a tile of one of those before.
         known = False
-        for other in numbers[max(0, size - HIGH - 2) : size]:
+        for other in numbers[max(0, size - TILE_STRIPS - 2) : size]:
             known |= other == number
         if not known:
             numbers[size] = number

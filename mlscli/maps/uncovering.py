@@ -16,7 +16,7 @@ from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.runtime.arrays import Float64, Int32
 
 # An inserted patch lies between patches along x, along y, or both.
-NEAREST = 4
+NEAREST_PATCHES = 4
 
 
 def patch_places(surface: SurfaceMap) -> Float64:
@@ -36,7 +36,7 @@ def appearing(surface: SurfaceMap) -> Int32:
     from scipy.spatial import cKDTree
 
     place = patch_places(surface)
-    ranks = np.arange(1, min(NEAREST, int(measured.sum())) + 1)
+    ranks = np.arange(1, min(NEAREST_PATCHES, int(measured.sum())) + 1)
     _, near = cKDTree(place[measured]).query(place[inserted], k=ranks)
     when[inserted] = when[measured][near].max(axis=1)
     return when

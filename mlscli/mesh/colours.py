@@ -39,11 +39,11 @@ ANCHORS = (
     (232, 154, 62),
     (150, 90, 36),
 )
-STEPS = 256
+COLOUR_STEPS = 256
 
 # Heights beyond these percentiles take the end colours, so that a few outliers do not use up
 # the scale.
-PERCENTILES = (2.0, 98.0)
+HEIGHT_PERCENTILES = (2.0, 98.0)
 
 _LMS_FROM_RGB = np.array(
     [
@@ -80,11 +80,11 @@ def from_oklab(lab: Float64) -> UInt8:
 
 @cache
 def height_scale() -> UInt8:
-    """Return the colours of the heights, low to high, uint8 (STEPS, 3)."""
+    """Return the colours of the heights, low to high, uint8 (COLOUR_STEPS, 3)."""
     anchors = oklab(np.array(ANCHORS, dtype=np.uint8))
     lengths = np.linalg.norm(np.diff(anchors, axis=0), axis=1)
     along = np.append(0, np.cumsum(lengths))
-    steps = np.linspace(0, along[-1], STEPS)
+    steps = np.linspace(0, along[-1], COLOUR_STEPS)
     lab = np.stack([np.interp(steps, along, channel) for channel in anchors.T], axis=1)
     scale = from_oklab(lab)
     scale.flags.writeable = False
@@ -102,7 +102,7 @@ def height_range(surface: SurfaceMap) -> tuple[float, float]:
         height = surface.height
     if len(height) == 0:
         return 0.0, 0.0
-    low, high = np.percentile(height, PERCENTILES)
+    low, high = np.percentile(height, HEIGHT_PERCENTILES)
     return float(low), float(high)
 
 
@@ -112,7 +112,7 @@ def height_colours(height: Float64, low: float, high: float) -> UInt8:
     Where `low` and `high` are one, so that there is no scale, heights there take its middle.
     """
     position = (height - low) / (high - low) if high > low else (np.sign(height - low) + 1) / 2
-    step = np.rint(np.clip(position, 0, 1) * (STEPS - 1)).astype(np.int64)
+    step = np.rint(np.clip(position, 0, 1) * (COLOUR_STEPS - 1)).astype(np.int64)
     colours: UInt8 = height_scale()[step]
     return colours
 
@@ -168,7 +168,7 @@ def scale_of(surface: SurfaceMap, by: ColourBy) -> Scale | None:
     known = value[np.isfinite(value)]
     if len(known) == 0:
         return Scale(label, value, 0.0, 0.0)
-    low, high = np.percentile(known, PERCENTILES)
+    low, high = np.percentile(known, HEIGHT_PERCENTILES)
     return Scale(label, value, float(low), float(high))
 
 
@@ -231,7 +231,7 @@ class Paint:
 
 def origin_colours() -> UInt8:
     """Return the colours of measured, plastered and artificial patches, uint8 (3, 3)."""
-    measured = height_scale()[STEPS // 2].astype(np.uint16)
+    measured = height_scale()[COLOUR_STEPS // 2].astype(np.uint16)
     return np.array([measured, (measured + WHITE) // 2, ARTIFICIAL_RED], dtype=np.uint8)
 
 

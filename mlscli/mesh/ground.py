@@ -20,7 +20,7 @@ SEARCH_CELLS = 3
 MAX_STEPS = 2_000_000
 
 
-class Track(NamedTuple):
+class GroundLine(NamedTuple):
     """A line on the ground.
 
     Attributes
@@ -34,7 +34,7 @@ class Track(NamedTuple):
     legs: Int64
 
 
-def route_on_ground(surface: SurfaceMap) -> Track:
+def route_on_ground(surface: SurfaceMap) -> GroundLine:
     """Return the route as it runs on the ground.
 
     The craft flies straight from each known position to the next. At both, and once per cell
@@ -57,7 +57,7 @@ def route_on_ground(surface: SurfaceMap) -> Track:
     new[1:] &= (landed[1:] != landed[:-1]).any(axis=1) | ~known[:-1]
     number = np.cumsum(new) - 1
     leg = np.flatnonzero(new[1:] & known[:-1])
-    return Track(landed[new], np.column_stack((number[leg], number[leg + 1])))
+    return GroundLine(landed[new], np.column_stack((number[leg], number[leg + 1])))
 
 
 def _steps(position: Float64, cell_size: float) -> Float64:

@@ -33,7 +33,7 @@ from mlscli.runtime.kernels import inner, kernel
 
 NONE = -1
 EAST, NORTH, WEST, SOUTH = range(4)
-STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+EDGES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 class Nodes(NamedTuple):
@@ -140,7 +140,7 @@ def links(surface: SurfaceMap, nodes: Nodes, reach: float) -> Int64:
     """
     ix, iy, _ = surface.cells
     nearest = np.stack(
-        [_nearest(nodes.start, nodes.height, shifted(ix, iy, *step)) for step in STEPS], axis=1
+        [_nearest(nodes.start, nodes.height, shifted(ix, iy, *step)) for step in EDGES], axis=1
     )
     return _mutual(nearest, nodes.height, reach)
 

@@ -32,7 +32,7 @@ ACROSS_CORNERS = ((1, 1), (1, -1))
 SNAP = 1e-6
 
 
-class Walls(NamedTuple):
+class WallTriangles(NamedTuple):
     """The triangles of walls.
 
     Attributes
@@ -58,7 +58,7 @@ class _Uprights(NamedTuple):
     high: Float64
 
 
-class _Lines(NamedTuple):
+class _NodesByPatch(NamedTuple):
     """The nodes on the line of each vertical patch, ascending, and where each line begins."""
 
     start: Int64
@@ -66,7 +66,7 @@ class _Lines(NamedTuple):
     height: Float64
 
 
-def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> Walls:
+def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> WallTriangles:
     """Return the walls of a map.
 
     Parameters
@@ -96,7 +96,7 @@ def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> Walls:
     ends = np.concatenate([end for _, end in joined])
     nodes, lines = _lines(nodes, patch, pairs, ends, SNAP * surface.cell_size)
     triangles, covered = _climb(lines, pairs, ends)
-    return Walls(nodes, triangles, _bare(lines, covered))
+    return WallTriangles(nodes, triangles, _bare(lines, covered))
 
 
 @kernel
@@ -180,7 +180,7 @@ def _space(uprights: _Uprights, one: int, other: int) -> float:
 
 def _lines(
     nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64, snap: float
-) -> tuple[Nodes, _Lines]:
+) -> tuple[Nodes, _NodesByPatch]:
     """Return the nodes with the cuts that the ends of pairs make, and the lines of all patches."""
     upright = np.full(len(nodes.top), NONE)
     upright[patch] = np.arange(len(patch))
@@ -199,7 +199,7 @@ def _lines(
         height=np.concatenate((nodes.height, height[cuts])),
         is_joint=np.concatenate((nodes.is_joint, np.ones(len(cuts), dtype=np.bool_))),
     )
-    return grown, _Lines(np.searchsorted(line, np.arange(len(patch) + 1)), node, height)
+    return grown, _NodesByPatch(np.searchsorted(line, np.arange(len(patch) + 1)), node, height)
 
 
 @kernel
@@ -219,7 +219,7 @@ def _kept(line: Int64, height: Float64, node: Int64, snap: float) -> Bool:
 
 
 @kernel
-def _climb(lines: _Lines, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
+def _climb(lines: _NodesByPatch, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
     """Return the triangles between the facing parts of pairs, and which stretches they have.
 
     From the lower ends upward, the side whose next vertex is lower goes first (equal: either).
@@ -245,7 +245,7 @@ def _climb(lines: _Lines, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
 
 
 @inner
-def _at(lines: _Lines, line: int, height: float) -> int:
+def _at(lines: _NodesByPatch, line: int, height: float) -> int:
     """Return the position of the vertex of a line that is nearest to a height."""
     begin, end = lines.start[line], lines.start[line + 1]
     above: int = begin + np.searchsorted(lines.height[begin:end], height)
@@ -256,7 +256,7 @@ def _at(lines: _Lines, line: int, height: float) -> int:
     return above
 
 
-def _bare(lines: _Lines, covered: Bool) -> Int64:
+def _bare(lines: _NodesByPatch, covered: Bool) -> Int64:
     """Return the lower and upper node of what is not covered of each line, in one piece each."""
     is_last = np.zeros(len(lines.node) + 1, dtype=np.bool_)
     is_last[lines.start[1:] - 1] = True

@@ -15,7 +15,7 @@ from mlscli.parameters.lengths import Cells
 # Beyond it, a float64 and a reader of JSON no longer tell whole numbers apart.
 MAX_INTEGER = 2**53
 _CELLS = re.compile(r"([-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?)\s+cells?")
-_FIELDS: dict[type, dict[str, Field]] = {}
+_FIELDS: dict[type, dict[str, ParameterField]] = {}
 
 
 # Stands for a value at fault. It compares with nothing, so that no conclusion is drawn from it.
@@ -58,7 +58,7 @@ def parameter(
 
 
 @dataclass(frozen=True)
-class Field:
+class ParameterField:
     """A parameter as its dataclass declares it.
 
     Attributes
@@ -157,14 +157,14 @@ class Field:
         )
 
 
-def fields_of(owner: type) -> dict[str, Field]:
+def fields_of(owner: type) -> dict[str, ParameterField]:
     """Return the parameters of a dataclass by name, its own before those that it inherits."""
     if owner not in _FIELDS:
         _FIELDS[owner] = _declared(owner)
     return _FIELDS[owner]
 
 
-def _declared(owner: type) -> dict[str, Field]:
+def _declared(owner: type) -> dict[str, ParameterField]:
     hints = get_type_hints(owner)
 
     def generation(name: str) -> int:
@@ -177,7 +177,7 @@ def _declared(owner: type) -> dict[str, Field]:
     }
 
 
-def _field(name: str, default: Any, hint: Any, metadata: Any) -> Field:
+def _field(name: str, default: Any, hint: Any, metadata: Any) -> ParameterField:
     alternatives = (hint,) if get_origin(hint) is Literal else get_args(hint) or (hint,)
     words: list[str] = []
     kinds: set[type] = set()
@@ -186,7 +186,7 @@ def _field(name: str, default: Any, hint: Any, metadata: Any) -> Field:
             words += get_args(alternative)
         else:
             kinds.add(alternative)
-    return Field(
+    return ParameterField(
         name=name,
         kinds=frozenset(kinds),
         words=tuple(words),

@@ -14,7 +14,7 @@ import numpy as np
 from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import CellSet, key_of
 from mlscli.maps.rows import merged
-from mlscli.maps.tiled_rows import Tiles
+from mlscli.maps.tiled_rows import TiledRows
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.pipeline.stages.stage import PointStage
@@ -53,7 +53,7 @@ class FilteredPoints:
 
     def __init__(self, stage: PointStage | None) -> None:
         self._stage = stage
-        self._tiles = Tiles(_WORDS)
+        self._tiles = TiledRows(_WORDS)
 
     def add(self, pipeline: Pipeline, points: Points) -> Outcome:
         """Take points to those that there are."""
@@ -79,7 +79,7 @@ class FilteredPoints:
         reach = self._stage.reach(pipeline.cell_size)
         near = self._tiles.extract(given.cells.widened(2 * reach))
         asked = _asked(near, near.view(np.float64), changed, changed.view(np.float64), reach)
-        height, looked = pipeline.evaluated(self._stage, _as_read(near), asked)
+        height, looked = pipeline.evaluate_points(self._stage, _as_read(near), asked)
         cells, outcome = _noted(near, near.view(np.float64), asked, height, looked)
         self._tiles.put(CellSet.of_keys(cells), near)
         keys = np.concatenate((outcome[:, _CELL], given.cells.keys))

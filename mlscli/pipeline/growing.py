@@ -50,7 +50,7 @@ class ConsistentMap:
         ):
             reach = stage.reach(pipeline.cell_size) or 0
             cells = change.cells.widened(reach)
-            after = pipeline.transformed(stage, source.extract(cells.widened(reach)))
+            after = pipeline.run_stage(stage, source.extract(cells.widened(reach)))
             came = change.points
             change = target.replace(cells, after)
             pipeline.report.drop(stage.name, came - change.points)
@@ -68,7 +68,7 @@ class ConsistentMap:
         for points in self._points[1:]:
             outcome, more = points.replace(pipeline, outcome)
             came.append(more)
-        change = self._maps[0].replace(outcome.cells, pipeline.grouped(kept(outcome.rows)))
+        change = self._maps[0].replace(outcome.cells, pipeline.group_points(kept(outcome.rows)))
         came.append(change.points)
         for stage, before, after in zip(pipeline.point_stages, came, came[1:], strict=False):
             pipeline.report.drop(stage.name, before - after)
@@ -89,7 +89,7 @@ class SequentialMap:
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
         pipeline, tiles = self._pipeline, self._tiles
-        new = records_of(pipeline.measured(points))
+        new = records_of(pipeline.filter_and_group(points))
         changed = CellSet.of_keys(new["cell"])
         reaches = [stage.reach(pipeline.cell_size) or 0 for stage in pipeline.map_stages]
         widest = changed.widened(max(reaches, default=0))
@@ -99,7 +99,7 @@ class SequentialMap:
             change = tiles.replace(changed, with_measured(there, new, pipeline.grid))
         for stage, reach in zip(pipeline.map_stages, reaches, strict=True):
             cells = changed.widened(reach)
-            after = pipeline.transformed(stage, tiles.extract(cells.widened(reach)))
+            after = pipeline.run_stage(stage, tiles.extract(cells.widened(reach)))
             pipeline.report.drop(stage.name, -tiles.replace(cells, after).points)
         if pipeline.map_stages:
             # What one stage changes, the next may change back.

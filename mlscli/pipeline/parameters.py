@@ -15,7 +15,7 @@ from mlscli.pipeline.stages.registry import STAGES
 from mlscli.pipeline.stages.stage import Fault, PointStage, Stage
 
 # Cell indices are int32.
-MAX_CELLS = 2**31 - 1
+MAX_INDEX = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -193,8 +193,8 @@ def _too_long(part: object, cell_size: float | None) -> Iterator[Fault]:
             cells = length / cell_size
         else:
             continue
-        if cells > MAX_CELLS or math.isinf(units):
-            message = f"{write_value(length)} spans {cells:g} cells; at most {MAX_CELLS}"
+        if cells > MAX_INDEX or math.isinf(units):
+            message = f"{write_value(length)} spans {cells:g} cells; at most {MAX_INDEX}"
             yield Fault(item.name, message)
 
 

@@ -1,7 +1,8 @@
 """The stages of a configuration in their order: the map as a function of the points.
 
-Where the function is evaluated is the choice of others: everywhere at once (`measured`, then
-`mapped`), tile by tile (`tilewise`), or where a batch can change something (`growing`).
+Where the function is evaluated is the choice of others: everywhere at once (`filter_and_group`,
+then `run_map_stages`), tile by tile (`tilewise`), or where a batch can change something
+(`growing`).
 """
 
 from __future__ import annotations
@@ -74,31 +75,31 @@ class Pipeline:
         self.map_stages = list(bounded)
         self.final_stages = map_stages[len(self.map_stages) :]
 
-    def mapped(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
+    def run_map_stages(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
         """Return what all map stages make of measured patches, but for the final ones."""
         for stage in self.map_stages:
-            surface = self.counted(stage, surface, progress)
+            surface = self.run_and_count(stage, surface, progress)
         return surface
 
-    def finished(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
+    def run_final_stages(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
         """Return the map after the final stages."""
         for stage in self.final_stages:
-            surface = self.counted(stage, surface, progress)
+            surface = self.run_and_count(stage, surface, progress)
         return surface
 
-    def measured(self, points: Points, progress: Progress | None = None) -> SurfaceMap:
+    def filter_and_group(self, points: Points, progress: Progress | None = None) -> SurfaceMap:
         """Return the measured patches of points, filtered by all point stages."""
         for stage in self.point_stages:
-            kept = self.filtered(stage, points, progress)
+            kept = self.run_point_stage(stage, points, progress)
             self.report.drop(stage.name, points.size - kept.size)
             points = kept
-        return self.grouped(points)
+        return self.group_points(points)
 
-    def counted(
+    def run_and_count(
         self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None
     ) -> SurfaceMap:
         """Return what a stage makes of a map, the points it drops counted."""
-        after = self.transformed(stage, surface, progress)
+        after = self.run_stage(stage, surface, progress)
         self.report.drop(stage.name, points_in(surface) - points_in(after))
         return after
 
@@ -117,7 +118,7 @@ class Pipeline:
 
     # --- the steps, timed; what they drop is counted by those who know where they are taken ---
 
-    def filtered(
+    def run_point_stage(
         self, stage: PointStage, points: Points, progress: Progress | None = None
     ) -> Points:
         """Return what a stage makes of points."""
@@ -125,17 +126,17 @@ class Pipeline:
         with self.report.timed(stage.name):
             return stage.apply(points, self.cell_size, tell)
 
-    def evaluated(self, stage: PointStage, points: Points, asked: Bool) -> Evaluated:
+    def evaluate_points(self, stage: PointStage, points: Points, asked: Bool) -> Evaluated:
         """Return what becomes of those points that are asked for."""
         with self.report.timed(stage.name):
             return stage.evaluate(points, self.cell_size, asked)
 
-    def grouped(self, points: Points) -> SurfaceMap:
+    def group_points(self, points: Points) -> SurfaceMap:
         """Return the measured patches of filtered points."""
         with self.report.timed("grouping"):
             return group(points, self.grid)
 
-    def transformed(
+    def run_stage(
         self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None
     ) -> SurfaceMap:
         """Return what a stage makes of a map."""

@@ -22,7 +22,7 @@ TOLERANCE = 0.5
 
 # Pixels with at most one between them share a ring; what stretches over more than this many is
 # ringed piece by piece.
-LARGEST = 16
+LARGEST_SPOT = 16
 
 RING = "#d4006e"
 
@@ -110,10 +110,10 @@ def rings(found: Bool, frame: Frame) -> list[Ring]:
     near = np.ones((3, 3), dtype=np.bool_)
     number, count = label(binary_dilation(found, near), near)
     number[~found] = 0
-    tiles = np.indices(found.shape) // LARGEST
-    tile = tiles[0] * (found.shape[1] // LARGEST + 1) + tiles[1]
+    tiles = np.indices(found.shape) // LARGEST_SPOT
+    tile = tiles[0] * (found.shape[1] // LARGEST_SPOT + 1) + tiles[1]
     for part, place in enumerate(find_objects(number)):
-        if place is not None and max(side.stop - side.start for side in place) > LARGEST:
+        if place is not None and max(side.stop - side.start for side in place) > LARGEST_SPOT:
             own = number[place] == part + 1
             number[place][own] = count + 1 + tile[place][own]
             count += int(tile.max()) + 1

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Longer cuts would be thinner than a pixel.
-MAX_CELLS = 200_000
+MAX_SECTION_CELLS = 200_000
 
 # Positions of the craft so many cells beside the cut are shown.
 ROUTE_WITHIN = 3
@@ -61,10 +61,10 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
     words = _told(start, end)
     if not 0 < length < math.inf or not on_grid(line, surface.cell_size).all():
         raise UsageError(f"--section {words}: expected two different places on the grid")
-    if length / surface.cell_size > MAX_CELLS:
+    if length / surface.cell_size > MAX_SECTION_CELLS:
         raise UsageError(
             f"--section {words}: runs through {length / surface.cell_size:.3g} cells; "
-            f"expected at most {MAX_CELLS}"
+            f"expected at most {MAX_SECTION_CELLS}"
         )
     crossings = [np.array([0.0, 1.0])]
     for a, b in line.T / surface.cell_size:

@@ -23,7 +23,7 @@ from mlscli.runtime.notices import notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-SECONDS = 40
+COMPILE_SECONDS = 40
 """About how long all kernels take to compile, on one core."""
 
 
@@ -68,11 +68,11 @@ class _Compiling(event.Listener):
             return
         self._said = True
         if self.kept:
-            notice(f"compiling kernels, once (about {SECONDS} s for all)")
+            notice(f"compiling kernels, once (about {COMPILE_SECONDS} s for all)")
         else:
             notice(
-                f"compiling kernels (about {SECONDS} s for all) in every run, for no folder to "
-                "keep them in can be written; NUMBA_CACHE_DIR names one"
+                f"compiling kernels (about {COMPILE_SECONDS} s for all) in every run, for no "
+                "folder to keep them in can be written; NUMBA_CACHE_DIR names one"
             )
 
     def on_end(self, event: event.Event) -> None:

@@ -26,7 +26,7 @@ _thread = threading.local()
 def in_ranges(
     size: int,
     work: Callable[[int, int], Result],
-    told: Callable[[int], None] | None = None,
+    progress: Callable[[int], None] | None = None,
     *,
     weight: float = 1.0,
 ) -> list[Result]:
@@ -40,7 +40,7 @@ def in_ranges(
     size : int
     work : callable
         Releases the interpreter's lock, or gains nothing.
-    told : callable, optional
+    progress : callable, optional
         Called with how much of `size` is done, now and then.
     weight : float
         How much work each is, of which `WORTHWHILE` are worth a thread; `LIGHT` for the least.
@@ -48,8 +48,8 @@ def in_ranges(
     pieces = max(1, min(size, math.ceil(size * weight / WORTHWHILE)))
     if pieces == 1:
         result = work(0, size)
-        if told is not None:
-            told(size)
+        if progress is not None:
+            progress(size)
         return [result]
     bounds = [size * piece // pieces for piece in range(pieces + 1)]
     if (stopping := getattr(_thread, "stopping", None)) is not None:
@@ -60,8 +60,8 @@ def in_ranges(
         results = []
         for future, done in zip(futures, bounds[1:], strict=True):
             results.append(future.result())
-            if told is not None:
-                told(done)
+            if progress is not None:
+                progress(done)
         return results
     finally:
         for future in futures:

@@ -15,12 +15,12 @@ from mlscli.errors import UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Float64, Int32
 from mlscli.scenes.noise import Chances, Noise, displace, scatter_outliers
-from mlscli.scenes.route import Poses, fly_route
+from mlscli.scenes.route import CameraPoses, fly_route
 from mlscli.scenes.sampling import Samples, outside_holes, sample
 from mlscli.scenes.surfaces import Scene
 
 BEGIN = 1_700_000_000.0
-INTERVAL = 0.5
+INTERVAL_SECONDS = 0.5
 """Seconds from keyframe to keyframe."""
 
 
@@ -179,7 +179,7 @@ def _with_features(
     return Samples(samples.xyz[kept], samples.surface[kept], samples.texture[kept])
 
 
-def _nearest(xyz: Float64, poses: Poses) -> Int32:
+def _nearest(xyz: Float64, poses: CameraPoses) -> Int32:
     from scipy.spatial import cKDTree
 
     _, nearest = cKDTree(poses.position).query(xyz)
@@ -191,7 +191,7 @@ def _sigmas(scene: Scene, noise: Noise) -> Float64:
     return np.array([surface.scatter or noise.sigma for surface in scene.surfaces])
 
 
-def _recorded(scene: Scene, xyz: Float64, keyframe: Int32, poses: Poses) -> Flight:
+def _recorded(scene: Scene, xyz: Float64, keyframe: Int32, poses: CameraPoses) -> Flight:
     """Return the flight: the points in the order of their keyframes, unseen ones left out."""
     order = np.argsort(keyframe, kind="stable")
     order = order[np.searchsorted(keyframe[order], 0) :]
@@ -205,5 +205,5 @@ def _recorded(scene: Scene, xyz: Float64, keyframe: Int32, poses: Poses) -> Flig
     keyframes = []
     for number, cloud in zip(numbers.tolist(), clouds, strict=True):
         x, y, z = poses.position[number].tolist()
-        keyframes.append(Keyframe(cloud, BEGIN + INTERVAL * number, (x, y, z)))
+        keyframes.append(Keyframe(cloud, BEGIN + INTERVAL_SECONDS * number, (x, y, z)))
     return Flight(scene, keyframes, poses.attitude[numbers])

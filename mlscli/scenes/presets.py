@@ -52,7 +52,7 @@ _HEIGHT = "height of the bridge"
 _DIAMETER = "diameter of the holes"
 _OFFSET = "offset of the planes"
 
-PRESETS = (
+SCENE_PRESETS = (
     Preset(
         "bridge",
         "a horizontal surface over a valley",
@@ -121,10 +121,10 @@ def preset(name: str) -> Preset:
     UsageError
         Where there is none of that name.
     """
-    for candidate in PRESETS:
+    for candidate in SCENE_PRESETS:
         if name == candidate.name or (candidate.number and name == str(candidate.number)):
             return candidate
-    known = [candidate.name for candidate in PRESETS]
+    known = [candidate.name for candidate in SCENE_PRESETS]
     raise UsageError(f"--type {name}: no such scene; {nearest(name, known)}")
 
 
@@ -158,7 +158,7 @@ def make(name: str, add_param: float | None = None, size: int | None = None) -> 
     dimension = chosen.dimension
     if dimension is None:
         if add_param is not None:
-            with_one = ", ".join(each.name for each in PRESETS if each.dimension)
+            with_one = ", ".join(each.name for each in SCENE_PRESETS if each.dimension)
             raise UsageError(
                 f"--add-param {add_param:g}: {chosen.name} has none; these have: {with_one}"
             )

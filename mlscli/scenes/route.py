@@ -18,7 +18,7 @@ MAX_POSES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class CameraPoses:
     """Where the craft was at each keyframe, and how it held its camera.
 
     Attributes
@@ -55,7 +55,7 @@ class Poses:
         )
 
 
-def fly_route(scene: Scene, height: float) -> Poses:
+def fly_route(scene: Scene, height: float) -> CameraPoses:
     """Return the poses of a flight: lanes over the whole scene, then its legs.
 
     Parameters
@@ -100,7 +100,7 @@ def survey(scene: Scene, height: float) -> list[Leg]:
     return legs
 
 
-def _along(legs: Iterable[Leg], step: float) -> Poses:
+def _along(legs: Iterable[Leg], step: float) -> CameraPoses:
     """Return poses at most a step apart on each leg, from its start to its end."""
     positions, yaws, tilts = [], [], []
     for leg in legs:
@@ -110,4 +110,4 @@ def _along(legs: Iterable[Leg], step: float) -> Poses:
         ahead = math.atan2(end[1] - start[1], end[0] - start[0])
         yaws.append(np.full(count, ahead + math.radians(leg.yaw)))
         tilts.append(np.full(count, math.radians(leg.tilt)))
-    return Poses(np.concatenate(positions) + 0.0, np.concatenate(yaws), np.concatenate(tilts))
+    return CameraPoses(np.concatenate(positions) + 0.0, np.concatenate(yaws), np.concatenate(tilts))

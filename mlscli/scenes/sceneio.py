@@ -28,7 +28,7 @@ from mlscli.config.yaml_nodes import (
 from mlscli.errors import ConfigError, InputError, nearest, shorten
 from mlscli.scenes.surfaces import Leg, Rectangle, Scatter, Scene, add_horizontal, add_vertical
 
-MAX_BYTES = 50_000_000
+MAX_SCENE_BYTES = 50_000_000
 
 
 class _Kind(NamedTuple):
@@ -101,14 +101,14 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     source = Path(path)
     try:
         with source.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+            data = stream.read(MAX_SCENE_BYTES + 1)
     except FileNotFoundError:
         raise InputError(f"{source}: no such file; --scene takes a scene in YAML") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{source}: cannot be read as a scene: {reason}") from error
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{source}: more than {MAX_BYTES} bytes, which is no scene")
+    if len(data) > MAX_SCENE_BYTES:
+        raise InputError(f"{source}: more than {MAX_SCENE_BYTES} bytes, which is no scene")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -123,7 +123,7 @@ def parse_scene(text: str, name: str) -> Scene:
         root, faults = read_yaml(text, name)
     except UnreadableYaml as error:
         raise ConfigError([str(error.fault)]) from error
-    reader = _Reader(faults)
+    reader = _SceneReader(faults)
     scene = reader.scene(root, Place(name, 1, 1), Path(name).stem)
     if reader.faults:
         ordered = sorted(reader.faults, key=lambda fault: fault.place[1:])
@@ -131,7 +131,7 @@ def parse_scene(text: str, name: str) -> Scene:
     return scene
 
 
-class _Reader:
+class _SceneReader:
     """Turns nodes into a scene and gathers every fault."""
 
     def __init__(self, faults: list[LocatedFault]) -> None:

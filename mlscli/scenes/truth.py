@@ -29,7 +29,7 @@ from mlscli.scenes.footprints import Footprints, cells_spanned, footprints
 from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
 from mlscli.version import __version__
 
-MAX_CELLS = 50_000_000
+MAX_TRUTH_CELLS = 50_000_000
 # Half, but for rounding: a wall in the middle of a cell that ends there counts.
 _HALF = 0.5 - 1e-6
 
@@ -132,10 +132,10 @@ def _check(scene: Scene, cell_size: float, gap_size: float, thickness: float) ->
             raise UsageError(f"the truth's {name} is {length:g}; expected a length {least}")
     spanned = cells_spanned(scene.surfaces, cell_size)
     farthest = max(abs(float(bound)) for bounds in scene.bounds for bound in bounds[:2])
-    if spanned > MAX_CELLS or farthest / cell_size >= 2**31 - 2:
+    if spanned > MAX_TRUTH_CELLS or farthest / cell_size >= 2**31 - 2:
         raise UsageError(
             f"the truth's cell size is {cell_size:g}, which makes {spanned:.3g} cells of "
-            f"{scene.name}; expected one that makes at most {MAX_CELLS}, all within int32"
+            f"{scene.name}; expected one that makes at most {MAX_TRUTH_CELLS}, all within int32"
         )
 
 

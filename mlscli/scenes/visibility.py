@@ -17,7 +17,7 @@ from mlscli.runtime.threads import in_ranges
 from mlscli.scenes.surfaces import Scene, edges
 
 # A ray ends this share of its length before the point: where surfaces meet, none hides the seam.
-_SHORT = 1e-7
+_SHORT_OF_END = 1e-7
 
 
 class Squares(NamedTuple):
@@ -43,7 +43,7 @@ class Squares(NamedTuple):
     members: Int32
 
 
-class Walls(NamedTuple):
+class Obstacles(NamedTuple):
     """Surfaces as a ray meets them.
 
     Attributes
@@ -109,7 +109,7 @@ def first_seen(
     return first
 
 
-def _walls(scene: Scene) -> Walls:
+def _walls(scene: Scene) -> Obstacles:
     corner, along, across = edges(scene.surfaces)
     normal = np.cross(along, across)
     square = (normal * normal).sum(axis=1)[:, None]
@@ -125,7 +125,7 @@ def _walls(scene: Scene) -> Walls:
     extent = float((high.max(axis=0) - low.min(axis=0)).max())
     # About as many squares as surfaces.
     side = extent / math.ceil(math.sqrt(len(counts)))
-    return Walls(
+    return Obstacles(
         corner,
         normal,
         np.cross(across, normal) / square,
@@ -230,7 +230,7 @@ def _meets(camera: Float64, dx: float, dy: float, dz: float, wall: int, walls: A
         return False
     to_x, to_y, to_z = corner[0] - camera[0], corner[1] - camera[1], corner[2] - camera[2]
     t = (normal[0] * to_x + normal[1] * to_y + normal[2] * to_z) / slope
-    if not 0.0 < t < 1.0 - _SHORT:
+    if not 0.0 < t < 1.0 - _SHORT_OF_END:
         return False
     px, py, pz = t * dx - to_x, t * dy - to_y, t * dz - to_z
     to_u, to_v = walls.to_u[wall], walls.to_v[wall]

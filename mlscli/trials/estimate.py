@@ -36,8 +36,8 @@ from mlscli.pipeline.parameters import Parameters
 # The trial: so many points at most, these shares of them in turn, and no next one that would take
 # longer than so many seconds.
 _AT_MOST = 200_000
-_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)
-_PATIENCE = 1.5
+_TRIAL_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)
+_PATIENCE_SECONDS = 1.5
 
 
 @dataclass(frozen=True)
@@ -216,16 +216,16 @@ class _Trial:
         sizing = (time.perf_counter() - begin) / _size(tried)
         self.lengths = _lengths(parameters)
         self.growth = self._slowing = 1.0
-        first = _part(tried, _SHARES[0])
+        first = _part(tried, _TRIAL_SHARES[0])
         # The first build loads the kernels.
         loading = _built(parameters, first, follow).seconds
         last = _built(parameters, first, follow)
         self.startup = max(0.0, loading - last.seconds)
-        for share in _SHARES[1:]:
+        for share in _TRIAL_SHARES[1:]:
             part = _part(tried, share)
             more = _size(part) / last.points
             # Points that lie dense can take up to the square of the time.
-            if last.seconds * more**2 > _PATIENCE:
+            if last.seconds * more**2 > _PATIENCE_SECONDS:
                 break
             if more > 1:
                 built = _built(parameters, part, follow)

@@ -32,11 +32,11 @@ THESIS: Mapping[int, float] = {
     200: 0.24, 240: 0.43, 280: 0.61, 320: 1.37, 360: 1.63, 400: 2.06,
 }  # fmt: skip
 
-OUTLIERS, POINTS, LARGEST = 0.1, 3200, 10_000
+OUTLIERS, POINTS, LARGEST_BATCH = 0.1, 3200, 10_000
 
 
 @dataclass(frozen=True)
-class Row:
+class BatchPace:
     """How long batches of one size take.
 
     Attributes
@@ -63,7 +63,7 @@ class Pace:
 
     Attributes
     ----------
-    rows : list of Row
+    rows : list of BatchPace
     first_call : float
         What the first batch of all cost (s) beyond a later one like it: the kernels are loaded, or
         compiled where no cache holds them.
@@ -71,7 +71,7 @@ class Pace:
         The time of a batch grows with this power of its size; None with fewer than two sizes.
     """
 
-    rows: list[Row]
+    rows: list[BatchPace]
     first_call: float
     exponent: float | None
 
@@ -82,7 +82,7 @@ def parse_sizes(text: str) -> list[int]:
     Raises
     ------
     UsageError
-        Where it is neither, or a size is below 1 or above `LARGEST`.
+        Where it is neither, or a size is below 1 or above `LARGEST_BATCH`.
     """
     if text == "20..400":
         return list(THESIS)
@@ -98,10 +98,10 @@ def parse_sizes(text: str) -> list[int]:
     except ValueError:
         sizes, least, greatest = [], 0, 0
     # The ends first: in between there may be more numbers than anyone has time for.
-    if not (least >= 1 and greatest <= LARGEST and sizes):
+    if not (least >= 1 and greatest <= LARGEST_BATCH and sizes):
         raise UsageError(
             f"--sizes {text}: expected A..B, A..B:STEP or a list such as 20,52,400, of numbers "
-            f"from 1 to {LARGEST:,}"
+            f"from 1 to {LARGEST_BATCH:,}"
         )
     return list(sizes)
 
@@ -123,7 +123,7 @@ def measured(
         if progress is not None:
             progress("batches", number, len(sizes))
         times = _times(points, size, parameters)
-        rows.append(Row(size, len(times), mean(times), THESIS.get(size)))
+        rows.append(BatchPace(size, len(times), mean(times), THESIS.get(size)))
     return Pace(rows, max(0.0, first - later), _exponent(rows))
 
 
@@ -154,7 +154,7 @@ def _times(points: Float64, size: int, parameters: Parameters) -> list[float]:
     return times
 
 
-def _exponent(rows: Sequence[Row]) -> float | None:
+def _exponent(rows: Sequence[BatchPace]) -> float | None:
     if len({row.size for row in rows}) < 2:
         return None
     sizes, seconds = (np.log([getattr(row, name) for row in rows]) for name in ("size", "seconds"))
@@ -210,7 +210,7 @@ def to_markdown(pace: Pace, before: Mapping[int, float] | None = None) -> str:
         lines.append(f"| {' | '.join(cells)} |")
     lines += ["", f"The first batch of all cost {pace.first_call:.2f} s more."]
     if pace.exponent is not None:
-        thesis = [Row(size, 1, seconds, None) for size, seconds in THESIS.items()]
+        thesis = [BatchPace(size, 1, seconds, None) for size, seconds in THESIS.items()]
         lines.append(
             f"Time grows with the size to the power of {pace.exponent:.2f}; the thesis's with "
             f"{_exponent(thesis):.2f}."

@@ -18,14 +18,14 @@ from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.stages.stage import Stage
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.noise import Noise
-from mlscli.scenes.presets import PRESETS, make
+from mlscli.scenes.presets import SCENE_PRESETS, make
 from mlscli.scenes.truth import truth
 from mlscli.scoring import Score, score
 
 # In the order in which the thesis has them, and last what it did not have.
 ADDED = ("median", "orphans", "plaster", "pyramids", "walls")
 NO_STAGE = "none"
-SHARES = (0.0, 0.1, 0.2, 0.3)
+OUTLIER_SHARES = (0.0, 0.1, 0.2, 0.3)
 CELL_SIZE = 0.15
 # Points lie so far apart that a cell of a floor holds about 1.5 of them.
 GRID = 0.12
@@ -34,11 +34,11 @@ GRID = 0.12
 # by more than this, or raises the error of the heights by more than this part.
 WORSE_BY, WORSE_HEIGHTS = 0.002, 0.02
 
-SCENES = tuple(preset.name for preset in PRESETS if preset.name != "village")
+SCENES = tuple(preset.name for preset in SCENE_PRESETS if preset.name != "village")
 
 
 @dataclass(frozen=True)
-class Row:
+class StageWorth:
     """The worth of a map, made with the stages up to one of them.
 
     Attributes
@@ -84,11 +84,11 @@ class Row:
 
 def table(
     scenes: Sequence[str] = SCENES,
-    shares: Sequence[float] = SHARES,
+    shares: Sequence[float] = OUTLIER_SHARES,
     seeds: Iterable[int] = (1,),
     parameters: Parameters | None = None,
     progress: Callable[[str, int, int | None], None] | None = None,
-) -> list[Row]:
+) -> list[StageWorth]:
     """Return a row for each scene, share of outliers and stage added; means over the seeds.
 
     Parameters
@@ -110,7 +110,7 @@ def table(
     seeds = list(seeds)
     if not seeds:
         raise UsageError("--seeds: expected at least one")
-    rows: list[Row] = []
+    rows: list[StageWorth] = []
     for number, scene in enumerate(scenes):
         for share in shares:
             if progress is not None:
@@ -158,7 +158,7 @@ def _growing(stages: Sequence[Stage]) -> Iterator[tuple[str, tuple[Stage, ...]]]
         yield name, tuple(stage for stage in stages if stage.name in names)
 
 
-def _mean_row(scene: str, share: float, stages: str, scores: Sequence[Score]) -> Row:
+def _mean_row(scene: str, share: float, stages: str, scores: Sequence[Score]) -> StageWorth:
     def mean(values: Iterable[float | None]) -> float:
         known = [value for value in values if value is not None]
         return sum(known) / len(known) if known else 0.0
@@ -166,7 +166,7 @@ def _mean_row(scene: str, share: float, stages: str, scores: Sequence[Score]) ->
     sigma = Noise().sigma.vertical
     totals = [each.total for each in scores]
     reds = [each.honest_red.share for each in scores if each.honest_red.of]
-    return Row(
+    return StageWorth(
         scene,
         share,
         stages,
@@ -182,7 +182,7 @@ def _mean_row(scene: str, share: float, stages: str, scores: Sequence[Score]) ->
     )
 
 
-def _is_worse(row: Row, before: Row) -> bool:
+def _is_worse(row: StageWorth, before: StageWorth) -> bool:
     return row.agreement < before.agreement - WORSE_BY or row.rmse > before.rmse * (
         1 + WORSE_HEIGHTS
     )
@@ -191,12 +191,12 @@ def _is_worse(row: Row, before: Row) -> bool:
 # --- reports ---
 
 
-def to_dict(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def to_dict(rows: Sequence[StageWorth]) -> list[dict[str, Any]]:
     """Return the rows, ready for JSON."""
     return [asdict(row) for row in rows]
 
 
-def to_markdown(rows: Sequence[Row]) -> str:
+def to_markdown(rows: Sequence[StageWorth]) -> str:
     """Return the rows as a table for each scene, and what makes a scene worse."""
     lines = []
     for scene in dict.fromkeys(row.scene for row in rows):
@@ -219,7 +219,7 @@ _HEAD = f"| {' | '.join(_COLUMNS)} |"
 _RULE = f"|{'|'.join(['--:', ':--', *['--:'] * (len(_COLUMNS) - 2)])}|"
 
 
-def _markdown_row(row: Row) -> str:
+def _markdown_row(row: StageWorth) -> str:
     red = "" if row.honest_red is None else f"{100 * row.honest_red:.1f}"
     stage = row.stages if row.stages == NO_STAGE else f"+ {row.stages}"
     cells = (

@@ -32,10 +32,10 @@ _TYPES = {"i4": "Int32Array", "u4": "Uint32Array", "u1": "Uint8Array", "f4": "Fl
           "f8": "Float64Array"}  # fmt: skip
 
 # Browsers limit the length of a text to 2^29 characters or somewhat less.
-_LARGEST = 400_000_000
+_LARGEST_BYTES = 400_000_000
 
 # The view at first holds what lies between these percentiles, not every stray patch.
-_PERCENTILES = (1, 99)
+_PLACE_PERCENTILES = (1, 99)
 
 
 def write_page(
@@ -73,10 +73,10 @@ def write_page(
     """
     shown = picture(surface, points)
     header, data = _pack(surface, shown, title)
-    if len(data) > _LARGEST:
+    if len(data) > _LARGEST_BYTES:
         raise OutputError(
             f"{path}: the page would hold {len(data):,} bytes of data, and browsers take "
-            f"{_LARGEST:,}; crop the map, or choose a larger cell size"
+            f"{_LARGEST_BYTES:,}; crop the map, or choose a larger cell size"
         )
     with atomic_write(path, overwrite=overwrite) as stream:
         stream.write(_filled(header, data))
@@ -171,7 +171,7 @@ def _box(place: Float64) -> tuple[Float64, Float64]:
     """Return the corners of the box that holds most of the places."""
     if not len(place):
         return np.zeros(3), np.zeros(3)
-    low, high = np.percentile(place, _PERCENTILES, axis=0)
+    low, high = np.percentile(place, _PLACE_PERCENTILES, axis=0)
     return low, high
 
 

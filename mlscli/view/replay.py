@@ -55,7 +55,7 @@ TOPICS = {
 }
 MAP, CRAFT = "mls_map", "mls_craft"
 
-PATCH = np.dtype(
+PATCH_POINT = np.dtype(
     [
         ("x", "<f4"),
         ("y", "<f4"),
@@ -82,7 +82,7 @@ _ROUND = 10
 
 # A keyframe whose time is not known, or that no clock of ROS can show, comes so much later (ns)
 # than the one before. None is at 0: to ROS, that is a clock not set yet.
-_INTERVAL = 10**8
+_INTERVAL_NANOSECONDS = 10**8
 _EARLIEST, _LATEST = 1, (2**31 - 1) * 10**9
 
 
@@ -185,12 +185,12 @@ class Replay:
         before = self._stamps[-1] if self._stamps else 0
         if self._has_clock and is_known:
             return max(before, nanoseconds(time), _EARLIEST)
-        return min(before + _INTERVAL, _LATEST)
+        return min(before + _INTERVAL_NANOSECONDS, _LATEST)
 
     def _write(self, surface: SurfaceMap) -> None:
         """Write a state of the map at the time of the latest keyframe, and the way until there."""
         self._changed = 0
-        stamps = self._stamps or [_INTERVAL]
+        stamps = self._stamps or [_INTERVAL_NANOSECONDS]
         if self._origin is None:
             self._origin = _near(surface)
             self._transform(TF_STATIC, stamps[0], surface.frame_id, MAP, self._origin)
@@ -225,7 +225,7 @@ def _near(surface: SurfaceMap) -> Float64:
 
 def _records(surface: SurfaceMap, origin: Float64) -> Array:
     """Return the patches as they are in the cloud."""
-    records = np.zeros(surface.size, PATCH)
+    records = np.zeros(surface.size, PATCH_POINT)
     place = patch_places(surface) - origin
     with np.errstate(over="ignore"):
         for axis, name in enumerate("xyz"):

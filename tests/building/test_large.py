@@ -38,11 +38,11 @@ def parameters(*sets: str, config: Path | None = None) -> Parameters:
 @pytest.fixture
 def little(monkeypatch: pytest.MonkeyPatch) -> int:
     """Return a memory that has room for few points, and for few patches at a time."""
-    monkeypatch.setattr(large, "SORTED", large.LEAST // 800)
-    monkeypatch.setattr(large, "ORDERED", large.LEAST // 100)
+    monkeypatch.setattr(large, "SORTED", large.LEAST_BYTES // 800)
+    monkeypatch.setattr(large, "ORDERED", large.LEAST_BYTES // 100)
     monkeypatch.setattr(large, "COMFORTABLE", 1500)
     monkeypatch.setattr(large, "resident", lambda: 100 * 2**20)
-    return 100 * 2**20 + 2 * large.LEAST
+    return 100 * 2**20 + 2 * large.LEAST_BYTES
 
 
 @pytest.mark.parametrize("jobs", [1, 3])
@@ -87,7 +87,7 @@ def test_what_memory_cannot_do_is_refused_with_what_it_takes(little: int) -> Non
 def test_a_crowd_that_memory_cannot_hold_is_told(
     monkeypatch: pytest.MonkeyPatch, little: int
 ) -> None:
-    monkeypatch.setattr(tilewise, "EVALUATED", large.LEAST)
+    monkeypatch.setattr(tilewise, "EVALUATED", large.LEAST_BYTES)
     told = r"16 cells square and their surroundings hold [\d,]+ points; give at least \d+M"
     recording = open_recording(SAMPLE)
     with pytest.raises(UsageError, match=told), build_large(recording, parameters(), little):
@@ -98,7 +98,7 @@ def test_points_too_scattered_to_be_listed_are_told(
     monkeypatch: pytest.MonkeyPatch, little: int
 ) -> None:
     recording = open_recording(SAMPLE)
-    monkeypatch.setattr(large, "INDEXED", large.LEAST // 2)
+    monkeypatch.setattr(large, "INDEXED", large.LEAST_BYTES // 2)
     told = r"too little: the points lie in [\d,]+ blocks, which have to be listed; give .* \d+M"
     with pytest.raises(UsageError, match=told), build_large(recording, parameters(), little):
         pass
@@ -108,7 +108,7 @@ def test_regions_that_memory_cannot_hold_are_told(
     monkeypatch: pytest.MonkeyPatch, little: int, tmp_path: Path
 ) -> None:
     (tmp_path / "given.yaml").write_text(REGIONS)
-    monkeypatch.setattr(large, "FINISHED", large.LEAST)
+    monkeypatch.setattr(large, "FINISHED", large.LEAST_BYTES)
     given = parameters(config=tmp_path / "given.yaml")
     recording = open_recording(SAMPLE)
     told = r"regions needs the whole map, [\d,]+ patches; give at least \d+M"

@@ -42,9 +42,9 @@ from mlscli.pipeline.tilewise.blocks import PointBlocks
 from mlscli.pipeline.tilewise.tiles import (
     Threads,
     evaluate,
-    in_tiles,
-    joined,
-    surroundings,
+    evaluate_tiles,
+    join,
+    points_around,
     tiles_of,
 )
 from tests.helpers.bags import Sent, write_bag
@@ -85,7 +85,7 @@ def test_a_window_shows_what_the_whole_map_has_there(
         high = [least + data.draw(st.integers(0, 8)) for least in low]
         ends = [data.draw(st.sampled_from([end, end, end, None])) for end in (*low, *high)]
         limits = Limits(ends[0], ends[2], ends[1], ends[3])
-        points_there = surroundings(pipeline, blocks, limits)
+        points_there = points_around(pipeline, blocks, limits)
         assert evaluate(pipeline, points_there, limits).surface == expected.crop(*limits)
 
 
@@ -138,11 +138,11 @@ def test_tiles_from_one_cell_to_the_whole_map_make_the_map_of_one_pass(
     tiles = tiles_of(blocks, pipeline.reach, most)
     if most == shift == 0:
         assert len(tiles) == max(1, len(blocks.occupied().points))
-    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
+    surface = join(pipeline.grid, list(evaluate_tiles(pipeline, blocks, tiles, Threads(threads))))
     assert surface == one_pass(points, parameters_of(stages), final=False)
     once = Report()
     counted = Pipeline(parameters_of(stages), "map", once)
-    counted.mapped(counted.measured(points))
+    counted.run_map_stages(counted.filter_and_group(points))
     assert report.dropped == once.dropped
 
 
@@ -151,17 +151,17 @@ def test_tiles_from_one_cell_to_the_whole_map_make_the_map_of_one_pass(
 def test_a_builder_makes_one_map_with_any_number_of_threads(
     flight: list[Points], stages: tuple[Stage, ...], worthwhile: int
 ) -> None:
-    before = tilewise.WORTHWHILE
+    before = tilewise.WORTHWHILE_POINTS
     maps = []
     try:
-        tilewise.WORTHWHILE = worthwhile
+        tilewise.WORTHWHILE_POINTS = worthwhile
         for jobs in (None, 1, 2, 3, 8):
             builder = MapBuilder(parameters_of(stages), jobs=jobs)
             for batch in flight:
                 builder.add(Keyframe(batch.xyz))
             maps.append(builder.finish())
     finally:
-        tilewise.WORTHWHILE = before
+        tilewise.WORTHWHILE_POINTS = before
     points = together(flight)
     expected = one_pass(points, parameters_of(stages), final=True)
     for surface in maps:
@@ -188,11 +188,11 @@ def test_a_map_made_on_disk_is_the_map_of_one_pass(
     recording = open_recording(folder / "cloud.txt", columns="x,y,z,keyframe")
     with pytest.MonkeyPatch.context() as patch:
         # Memory for so many points to be sorted, patches to be put in order, points in a tile.
-        room = 2 * large.LEAST
+        room = 2 * large.LEAST_BYTES
         patch.setattr(large, "resident", lambda: 100 * 2**20)
         patch.setattr(large, "SORTED", room // (2 * data.draw(st.integers(1, 300))))
         patch.setattr(large, "ORDERED", room // (2 * data.draw(st.integers(1, 300))))
-        patch.setattr(large, "COMFORTABLE", data.draw(st.integers(1, 400)))
+        patch.setattr(large, "COMFORTABLE_POINTS", data.draw(st.integers(1, 400)))
         with build_large(
             recording,
             parameters_of(stages),

@@ -19,7 +19,7 @@ from mlscli.errors import ConfigError, InputError, MlsError, OutputError, UsageE
 from mlscli.io.writing.npz import read_map
 from mlscli.keyframes.batches import gather
 from mlscli.runtime.arrays import Float64
-from mlscli.scenes.presets import PRESETS, make
+from mlscli.scenes.presets import SCENE_PRESETS, make
 from mlscli.scenes.truth import truth
 from tests.helpers.program import mls
 
@@ -94,11 +94,11 @@ def test_json_says_what_was_written() -> None:
 
 def test_the_list_has_a_line_for_each_scene() -> None:
     lines = synth("--list").stdout.splitlines()
-    assert len(lines) == len(PRESETS)
+    assert len(lines) == len(SCENE_PRESETS)
     assert lines[0].split()[:2] == ["1", "bridge"]
     assert "height of the bridge" in lines[0]
     names = [row["name"] for row in json.loads(synth("--list", "--json").stdout)]
-    assert names == [preset.name for preset in PRESETS]
+    assert names == [preset.name for preset in SCENE_PRESETS]
 
 
 def test_options_reach_the_flight() -> None:

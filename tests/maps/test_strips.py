@@ -10,11 +10,13 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlscli.maps.cells import GREATEST, LEAST, CellSet, pack
+from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, CellSet, pack
 from mlscli.maps.strips import Strips
 from tests.helpers.cells import cells_in
 
-EDGES = st.sampled_from([LEAST, LEAST + 40, -33, -1, 0, 31, 32, GREATEST - 31, GREATEST])
+EDGES = st.sampled_from(
+    [LEAST_INDEX, LEAST_INDEX + 40, -33, -1, 0, 31, 32, GREATEST_INDEX - 31, GREATEST_INDEX]
+)
 INDEX = EDGES | st.integers(-70, 70)
 CELLS = st.lists(st.tuples(INDEX, INDEX), max_size=12)
 REACH = st.integers(0, 12) | st.sampled_from([31, 32, 33, 70])
@@ -29,12 +31,15 @@ def test_the_strips_of_a_set_hold_its_cells_and_no_others(
     strips = CellSet.of(ix, iy).widened(reach).strips(10**6)
     assert strips is not None
     squares = [
-        (range(max(x - reach, LEAST), min(x + reach, GREATEST) + 1),
-         range(max(y - reach, LEAST), min(y + reach, GREATEST) + 1))
+        (range(max(x - reach, LEAST_INDEX), min(x + reach, GREATEST_INDEX) + 1),
+         range(max(y - reach, LEAST_INDEX), min(y + reach, GREATEST_INDEX) + 1))
         for x, y in cells
     ]  # fmt: skip
     expected = {
-        (x - LEAST << 32) + y - LEAST for columns, rows in squares for x in columns for y in rows
+        (x - LEAST_INDEX << 32) + y - LEAST_INDEX
+        for columns, rows in squares
+        for x in columns
+        for y in rows
     }
     assert cells_in(strips) == expected
     assert in_order(strips)

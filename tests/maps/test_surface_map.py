@@ -14,14 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlscli.errors import InputError
-from mlscli.maps.cells import GREATEST, LEAST, CellSet, pack, unpack
+from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, CellSet, pack, unpack
 from mlscli.maps.grid import Grid
-from mlscli.maps.strips import SHIFT
+from mlscli.maps.strips import STRIP_BITS
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from tests.helpers.cells import cells_in
 from tests.helpers.maps import Patch, map_of, patches_of, random_map
 
-INDEX = st.integers(LEAST, GREATEST)
+INDEX = st.integers(LEAST_INDEX, GREATEST_INDEX)
 CELLS = st.lists(st.tuples(INDEX, INDEX), max_size=20)
 
 
@@ -64,7 +64,11 @@ def test_a_widened_set_holds_the_cells_within_reach(
     ix, iy = np.array(cells, dtype=np.int64).reshape(-1, 2).T
     steps = range(-reach, reach + 1)
     expected = {(x + dx, y + dy) for x, y in cells for dx in steps for dy in steps}
-    expected = {(x, y) for x, y in expected if LEAST <= x <= GREATEST and LEAST <= y <= GREATEST}
+    expected = {
+        (x, y)
+        for x, y in expected
+        if LEAST_INDEX <= x <= GREATEST_INDEX and LEAST_INDEX <= y <= GREATEST_INDEX
+    }
     widened = CellSet.of(ix, iy).widened(reach)
     assert widened.contains(ix, iy).all()
     # One cell farther out, and in any order, the set says the same of itself.
@@ -76,25 +80,29 @@ def test_a_widened_set_holds_the_cells_within_reach(
 def _around(cells: set[tuple[int, int]]) -> set[tuple[int, int]]:
     steps = (-1, 0, 1)
     around = {(x + dx, y + dy) for x, y in cells for dx in steps for dy in steps}
-    return {(x, y) for x, y in around if LEAST <= x <= GREATEST and LEAST <= y <= GREATEST}
+    return {
+        (x, y)
+        for x, y in around
+        if LEAST_INDEX <= x <= GREATEST_INDEX and LEAST_INDEX <= y <= GREATEST_INDEX
+    }
 
 
 def test_a_set_that_reaches_over_the_whole_grid_is_told_at_once() -> None:
-    cells = CellSet.of(np.array([0, LEAST]), np.array([0, GREATEST]))
-    widened = cells.widened(GREATEST)
-    ends = np.array([LEAST, 0, 7, GREATEST])
+    cells = CellSet.of(np.array([0, LEAST_INDEX]), np.array([0, GREATEST_INDEX]))
+    widened = cells.widened(GREATEST_INDEX)
+    ends = np.array([LEAST_INDEX, 0, 7, GREATEST_INDEX])
     x, y = (axis.ravel() for axis in np.meshgrid(ends, ends))
     expected = [
         any(
-            max(abs(int(a) - c), abs(int(b) - d)) <= GREATEST
-            for c, d in ((0, 0), (LEAST, GREATEST))
+            max(abs(int(a) - c), abs(int(b) - d)) <= GREATEST_INDEX
+            for c, d in ((0, 0), (LEAST_INDEX, GREATEST_INDEX))
         )
         for a, b in zip(x, y, strict=True)
     ]
     assert widened.contains(x, y).tolist() == expected
     assert widened.strips(10**6) is None
     keys = pack(x, y)
-    strips = widened.strips_among(np.unique(keys >> np.uint64(SHIFT)))
+    strips = widened.strips_among(np.unique(keys >> np.uint64(STRIP_BITS)))
     inside = cells_in(strips)
     assert [int(key) in inside for key in keys] == expected
 

@@ -17,15 +17,15 @@ import psutil
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlscli.maps.cells import LEAST, CellSet, unpack
-from mlscli.maps.row_tile import TILE
+from mlscli.maps.cells import LEAST_INDEX, CellSet, unpack
+from mlscli.maps.row_tile import TILE_BITS
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.maps.tiled_map import TiledMap
-from mlscli.maps.tiled_rows import Tiles
+from mlscli.maps.tiled_rows import TiledRows
 from mlscli.runtime.arrays import UInt64
 from tests.helpers.maps import random_map
 
-SIDE = 2**TILE
+SIDE = 2**TILE_BITS
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -68,7 +68,9 @@ def random_rows(rng: np.random.Generator, cells: list[Cell]) -> dict[Cell, list[
 
 def as_rows(by_cell: dict[Cell, list[list[int]]]) -> UInt64:
     rows = [
-        ((x - LEAST << 32) + y - LEAST, *row) for x, y in sorted(by_cell) for row in by_cell[x, y]
+        ((x - LEAST_INDEX << 32) + y - LEAST_INDEX, *row)
+        for x, y in sorted(by_cell)
+        for row in by_cell[x, y]
     ]
     return np.array(rows, dtype=np.uint64).reshape(-1, WORDS)
 
@@ -77,8 +79,8 @@ def as_rows(by_cell: dict[Cell, list[list[int]]]) -> UInt64:
 @given(seeds)
 def test_rows_are_kept_cell_by_cell_in_the_order_in_which_they_were_given(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    origin = rng.choice([0, -SIDE, LEAST, LEAST + SIDE // 2], 2)
-    tiles, model = Tiles(WORDS), dict[Cell, list[list[int]]]()
+    origin = rng.choice([0, -SIDE, LEAST_INDEX, LEAST_INDEX + SIDE // 2], 2)
+    tiles, model = TiledRows(WORDS), dict[Cell, list[list[int]]]()
     for _ in range(8):
         ix, iy = origin[:, None] + rng.integers(0, rng.choice([4, 2 * SIDE]), (2, 30))
         cells = CellSet.of(ix, iy)
@@ -100,7 +102,7 @@ def without(
 
 
 def test_what_is_replaced_again_and_again_takes_no_more_room() -> None:
-    tiles, cells = Tiles(WORDS), CellSet.of(np.arange(20), np.arange(20))
+    tiles, cells = TiledRows(WORDS), CellSet.of(np.arange(20), np.arange(20))
     sizes = []
     for turn in range(200):
         rows = np.repeat(np.c_[cells.keys, cells.keys, cells.keys], 1 + turn % 3, axis=0)
@@ -122,7 +124,7 @@ def test_what_lies_scattered_costs_each_tile_what_is_its_own() -> None:
 
 
 def test_who_keeps_what_differed_keeps_no_more() -> None:
-    tiles = Tiles(WORDS)
+    tiles = TiledRows(WORDS)
     cells = CellSet.of(*np.divmod(np.arange(SIDE * SIDE), SIDE))
     rows = np.repeat(cells.keys[:, None], WORDS, axis=1)
     tiles.update(cells, rows)
@@ -145,7 +147,7 @@ def test_the_surroundings_of_what_lies_scattered_are_not_listed() -> None:
 def surroundings(size: int) -> UInt64:
     """Return what lies in wide squares around cells that lie far apart."""
     cells = CellSet.of(np.arange(size) * 1000, np.zeros(size, dtype=np.int64))
-    tiles = Tiles(WORDS)
+    tiles = TiledRows(WORDS)
     tiles.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
     return tiles.extract(cells.widened(60))
 
@@ -154,7 +156,7 @@ def seconds_for_each(size: int) -> float:
     """Return what it takes, for each, to put away and read cells of which no two share a tile."""
     across = int(np.sqrt(size))
     ix, iy = np.arange(size) % across * 2 * SIDE, np.arange(size) // across * 2 * SIDE
-    tiles, cells = Tiles(WORDS), CellSet.of(ix, iy)
+    tiles, cells = TiledRows(WORDS), CellSet.of(ix, iy)
     begin = time.process_time()
     tiles.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
     assert len(tiles.extract(cells)) == size

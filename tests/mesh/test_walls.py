@@ -1,4 +1,4 @@
-"""Walls: what is joined, without overlaps and cracks.
+"""WallTriangles: what is joined, without overlaps and cracks.
 
 Ways to pass without being right: to draw nothing, so areas and what is left bare are checked; to
 draw twice, so the strip between two cells is cut and the pieces must not overlap.
@@ -19,7 +19,7 @@ from tests.helpers.maps import random_map
 from tests.helpers.meshes import Column, a_map, plane
 
 
-class Walls:
+class WallTriangles:
     """The wall triangles of a map, by patches and heights."""
 
     def __init__(self, surface: SurfaceMap, reach: float = 1.0) -> None:
@@ -48,20 +48,20 @@ def distance(surface: SurfaceMap, one: int, other: int) -> float:
 
 
 def test_two_neighbouring_patches_make_a_quad() -> None:
-    walls = Walls(a_map((0, 0, 3, 3), (1, 0, 2.5, 2)))
+    walls = WallTriangles(a_map((0, 0, 3, 3), (1, 0, 2.5, 2)))
     assert walls.count == 2
     assert walls.areas.sum() == pytest.approx((3 + 2) / 2)
     assert walls.bare == []
 
 
 def test_ends_up_to_the_reach_apart_are_joined_by_a_slope() -> None:
-    walls = Walls(a_map((0, 0, 4, 4), (0, 1, 3, 2)), reach=1.0)
+    walls = WallTriangles(a_map((0, 0, 4, 4), (0, 1, 3, 2)), reach=1.0)
     assert walls.areas.sum() == pytest.approx((4 + 2) / 2)
     assert walls.bare == []
 
 
 def test_ends_farther_apart_are_a_step_and_what_stands_above_it_is_bare() -> None:
-    walls = Walls(a_map((0, 0, 4, 4), (0, 1, 2, 2)), reach=1.0)
+    walls = WallTriangles(a_map((0, 0, 4, 4), (0, 1, 2, 2)), reach=1.0)
     assert walls.areas.sum() == pytest.approx(2)
     assert walls.bare == [[2, 4]]
 
@@ -72,28 +72,28 @@ def test_ends_that_are_one_but_for_rounding_make_no_slivers() -> None:
     pieces: list[Column] = [
         (0, 0, z, z - low) for z, low in zip(heights, (0, 0.3, 0.7), strict=True)
     ]
-    walls = Walls(a_map(*pieces, (1, 0, 0.8, 0.8), *((2, *piece[1:]) for piece in pieces)))
+    walls = WallTriangles(a_map(*pieces, (1, 0, 0.8, 0.8), *((2, *piece[1:]) for piece in pieces)))
     assert walls.areas.sum() == pytest.approx(2 * 0.8)
     assert walls.areas.min() > 0.01
     assert all(high - low > 0.01 for low, high in walls.bare)
 
 
 def test_patches_that_do_not_face_each_other_are_not_joined() -> None:
-    walls = Walls(a_map((0, 0, 2, 2), (0, 1, 5, 2.5)), reach=1.0)
+    walls = WallTriangles(a_map((0, 0, 2, 2), (0, 1, 5, 2.5)), reach=1.0)
     assert walls.count == 0
     assert walls.bare == [[0, 2], [2.5, 5]]
 
 
 def test_a_wall_in_pieces_beside_a_whole_one_has_no_crack() -> None:
     pieces: list[Column] = [(1, 0, 1, 1), (1, 0, 2, 1), (1, 0, 3, 1)]
-    walls = Walls(a_map((0, 0, 3, 3), *pieces, (2, 0, 3, 3)))
+    walls = WallTriangles(a_map((0, 0, 3, 3), *pieces, (2, 0, 3, 3)))
     assert walls.areas.sum() == pytest.approx(6)
     assert walls.bare == []
 
 
 def test_equal_pieces_are_joined_each_with_its_own_kind() -> None:
     pieces: list[Column] = [(x, 0, z, 1) for x in range(2) for z in (1, 2, 3)]
-    walls = Walls(a_map(*pieces))
+    walls = WallTriangles(a_map(*pieces))
     assert walls.count == 6
     assert {tuple(sorted(set(patches.tolist()))) for patches in walls.patch} == {
         (0, 3),
@@ -105,7 +105,7 @@ def test_equal_pieces_are_joined_each_with_its_own_kind() -> None:
 def test_a_window_is_a_rectangle_from_one_jamb_to_the_other() -> None:
     pieces: list[Column] = [(x, 0, z, 1) for x in (2, 3) for z in (1, 3)]
     whole: list[Column] = [(x, 0, 3, 3) for x in (0, 1, 4, 5)]
-    walls = Walls(a_map(*whole, *pieces), reach=0.5)
+    walls = WallTriangles(a_map(*whole, *pieces), reach=0.5)
     assert walls.areas.sum() == pytest.approx(5 * 3 - 3 * 1)
     open_heights = (walls.height > 1) & (walls.height < 2)
     assert not open_heights.any()
@@ -113,7 +113,7 @@ def test_a_window_is_a_rectangle_from_one_jamb_to_the_other() -> None:
 
 
 def test_a_door_has_an_upright_jamb() -> None:
-    walls = Walls(a_map((0, 0, 3, 3), (1, 0, 3, 1), (2, 0, 3, 3), (3, 0, 3, 3)), reach=0.5)
+    walls = WallTriangles(a_map((0, 0, 3, 3), (1, 0, 3, 1), (2, 0, 3, 3), (3, 0, 3, 3)), reach=0.5)
     assert walls.areas.sum() == pytest.approx(1 + 1 + 3)
     assert walls.bare == [[0, 2]]
 
@@ -121,7 +121,7 @@ def test_a_door_has_an_upright_jamb() -> None:
 def test_a_floor_that_meets_a_wall_between_its_ends_shares_a_vertex_with_it() -> None:
     floor = [(x, y, 3.0, 0.0) for x, y, _, _ in plane(3, 3)]
     surface = a_map(*floor, *[(3, y, 6.0, 6.0) for y in range(3)])
-    walls = Walls(surface)
+    walls = WallTriangles(surface)
     on_wall = walls.patch[walls.height == 3.0]
     assert set(surface.iy[on_wall].tolist()) == {0, 1, 2}
     assert walls.areas.sum() == pytest.approx(2 * 6)
@@ -129,23 +129,23 @@ def test_a_floor_that_meets_a_wall_between_its_ends_shares_a_vertex_with_it() ->
 
 def test_a_wall_follows_a_corner_without_cutting_it_off() -> None:
     corner = a_map((0, 0, 3, 3), (1, 0, 3, 3), (1, 1, 3, 3))
-    assert Walls(corner).count == 4
+    assert WallTriangles(corner).count == 4
 
 
 @pytest.mark.parametrize("other", [(1, 1), (1, -1)])
 def test_a_diagonal_wall_is_joined_across_corners(other: tuple[int, int]) -> None:
-    walls = Walls(a_map((0, 0, 3, 3), (*other, 3, 3)))
+    walls = WallTriangles(a_map((0, 0, 3, 3), (*other, 3, 3)))
     assert walls.count == 2
     assert walls.areas.sum() == pytest.approx(3 * np.sqrt(2))
 
 
 def test_a_wall_on_another_level_is_no_way_round_a_corner() -> None:
-    walls = Walls(a_map((0, 0, 3, 3), (1, 1, 3, 3), (1, 0, 20, 3)))
+    walls = WallTriangles(a_map((0, 0, 3, 3), (1, 1, 3, 3), (1, 0, 20, 3)))
     assert walls.bare_patches == [1]
 
 
 def test_a_wall_joined_with_one_side_only_is_no_way_round_a_corner() -> None:
-    walls = Walls(a_map((0, 0, 3, 3), (1, 1, 5, 4.5), (1, 0, 0.4, 2.5)), reach=0.05)
+    walls = WallTriangles(a_map((0, 0, 3, 3), (1, 1, 5, 4.5), (1, 0, 0.4, 2.5)), reach=0.05)
     # The patches in order: (0, 0), (1, 0), (1, 1).
     joined = {tuple(sorted(set(patches.tolist()))) for patches in walls.patch}
     assert joined == {(0, 1), (0, 2)}
@@ -155,7 +155,7 @@ def test_a_wall_joined_with_one_side_only_is_no_way_round_a_corner() -> None:
 def test_triangles_join_near_patches_and_never_overlap(seed: int) -> None:
     rng = np.random.default_rng(seed)
     surface, reach = random_map(rng), float(rng.choice([0.0, 0.3, 2.0]))
-    walls = Walls(surface, reach)
+    walls = WallTriangles(surface, reach)
     strips: dict[tuple[tuple[int, ...], ...], list[tuple[float, float]]] = {}
     shown = dict.fromkeys(np.flatnonzero(surface.depth > 0).tolist(), 0.0)
     seen: set[tuple[int, float]] = set()

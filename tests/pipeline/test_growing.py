@@ -211,7 +211,7 @@ def test_a_building_of_storeys_grows_and_is_tiled_alike(
     for batch in batches:
         growing.process_cloud(batch.xyz)
     assert growing.surface == expected
-    monkeypatch.setattr(tilewise, "WORTHWHILE", 1)
+    monkeypatch.setattr(tilewise, "WORTHWHILE_POINTS", 1)
     tiled = MapBuilder(given_parameters, jobs=2)
     for batch in batches:
         tiled.add(Keyframe(batch.xyz))

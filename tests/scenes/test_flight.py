@@ -21,7 +21,7 @@ from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import Craft, Flight, fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.parts import floor
-from mlscli.scenes.presets import PRESETS, make
+from mlscli.scenes.presets import SCENE_PRESETS, make
 from mlscli.scenes.route import fly_route, survey
 from mlscli.scenes.surfaces import Leg, Scatter, Scene
 from mlscli.scenes.truth import truth
@@ -49,7 +49,7 @@ def with_texture(scene: Scene) -> Scene:
     return replace(scene, surfaces=tuple(surfaces))
 
 
-@pytest.mark.parametrize("name", [preset.name for preset in PRESETS])
+@pytest.mark.parametrize("name", [preset.name for preset in SCENE_PRESETS])
 def test_the_map_of_a_dense_flight_without_noise_is_the_truth(name: str) -> None:
     scene = with_texture(make(name, size=2 if name == "village" else None))
     flight = fly(scene, CELL / 8, EXACT)

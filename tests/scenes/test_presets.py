@@ -12,7 +12,7 @@ import pytest
 
 from mlscli.errors import UsageError
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.scenes.presets import PRESETS, Preset, make, preset
+from mlscli.scenes.presets import SCENE_PRESETS, Preset, make, preset
 from mlscli.scenes.surfaces import Scene, edges
 from mlscli.scenes.truth import truth
 
@@ -33,7 +33,7 @@ def test_the_thesis_s_numbers_are_names() -> None:
     assert make("1") == make("bridge")
 
 
-@pytest.mark.parametrize("each", PRESETS, ids=lambda each: each.name)
+@pytest.mark.parametrize("each", SCENE_PRESETS, ids=lambda each: each.name)
 def test_floors_end_on_edges_of_the_thesis_s_cells_and_walls_stand_in_their_middle(
     each: Preset,
 ) -> None:

@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlscli.errors import UsageError
-from mlscli.maps.cells import GREATEST, LEAST
+from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.scoring import Comparison, Differences, Spread, compare_maps
 from mlscli.scoring.comparison import matches, root_mean_square
@@ -95,7 +95,13 @@ def test_patches_match_up_to_the_gap_and_no_farther() -> None:
 
 
 def test_patches_of_different_cells_never_match() -> None:
-    for x, y in ((1, 0), (0, 1), (-1, 0), (LEAST, LEAST), (GREATEST, GREATEST)):
+    for x, y in (
+        (1, 0),
+        (0, 1),
+        (-1, 0),
+        (LEAST_INDEX, LEAST_INDEX),
+        (GREATEST_INDEX, GREATEST_INDEX),
+    ):
         moved = [patch._replace(ix=x, iy=y) for patch in column(0.0)]
         assert matched(column(0.0), moved) == []
         assert matched(moved, moved) == [(0.0, 0.0)]

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from mlscli.errors import UsageError
-from mlscli.maps.cells import GREATEST, LEAST
+from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.scoring import HeightErrors, Measures, Score, Share, score
 from mlscli.scoring.places import PLACES
@@ -253,7 +253,11 @@ def test_a_wall_may_lie_on_the_true_surfaces_of_several_cells() -> None:
 
 
 def test_cells_at_the_ends_of_the_grid_have_no_neighbours_beyond() -> None:
-    corners = [flat(1.0, x, y) for x in (LEAST, GREATEST) for y in (LEAST, GREATEST)]
+    corners = [
+        flat(1.0, x, y)
+        for x in (LEAST_INDEX, GREATEST_INDEX)
+        for y in (LEAST_INDEX, GREATEST_INDEX)
+    ]
     for patch in corners:
         for true in corners:
             assert is_correct(patch, true) == (patch == true)

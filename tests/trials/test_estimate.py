@@ -25,7 +25,7 @@ SECOND = 10**9
 @pytest.fixture(autouse=True)
 def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a busy machine change no numbers."""
-    monkeypatch.setattr("mlscli.trials.estimate._PATIENCE", 600.0)
+    monkeypatch.setattr("mlscli.trials.estimate._PATIENCE_SECONDS", 600.0)
 
 
 def unhurried() -> Glance:

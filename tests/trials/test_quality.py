@@ -12,16 +12,16 @@ import pytest
 
 from mlscli.config import loads
 from mlscli.errors import UsageError
-from mlscli.trials.quality import ADDED, Row, flown, scored, table, to_dict, to_markdown
+from mlscli.trials.quality import ADDED, StageWorth, flown, scored, table, to_dict, to_markdown
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[Row]:
+def rows() -> list[StageWorth]:
     return table(["planes-walls"], [0.0, 0.2])
 
 
 def test_there_is_a_row_for_each_share_and_stage_in_the_order_they_are_added(
-    rows: list[Row],
+    rows: list[StageWorth],
 ) -> None:
     stages = ["none", *ADDED]
     assert [(row.outliers, row.stages) for row in rows] == [
@@ -30,7 +30,7 @@ def test_there_is_a_row_for_each_share_and_stage_in_the_order_they_are_added(
 
 
 def test_the_median_makes_outliers_harmless_and_plaster_closes_what_is_missing(
-    rows: list[Row],
+    rows: list[StageWorth],
 ) -> None:
     none, median, _, plaster, *_ = (row for row in rows if row.outliers == 0.2)
     assert none.correctness < 0.8
@@ -39,7 +39,7 @@ def test_the_median_makes_outliers_harmless_and_plaster_closes_what_is_missing(
     assert plaster.completeness > median.completeness + 0.03
 
 
-def test_each_row_is_the_score_of_a_pipeline_of_its_own(rows: list[Row]) -> None:
+def test_each_row_is_the_score_of_a_pipeline_of_its_own(rows: list[StageWorth]) -> None:
     flight = flown("planes-walls", 0.2, seed=1)
     only_median = loads("map: {cell_size: 0.15}\npipeline: [median: {recentre: 0.75 cells}]\n")
     expected = scored(flight, only_median)
@@ -60,7 +60,7 @@ def test_a_stage_that_does_harm_is_named() -> None:
     assert "- orphans: planes with 10% outliers" in to_markdown(rows)
 
 
-def test_the_report_holds_every_row(rows: list[Row]) -> None:
+def test_the_report_holds_every_row(rows: list[StageWorth]) -> None:
     assert json.loads(json.dumps(to_dict(rows)))[3]["stages"] == "plaster"
     lines = [line for line in to_markdown(rows).splitlines() if line.startswith("| ")]
     assert len(lines) == 1 + len(rows)

@@ -20,18 +20,18 @@ from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
 from mlscli.io.clouds.columns import short
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
-from mlscli.io.clouds.records import Field, gather, mapped, read_records
+from mlscli.io.clouds.structures import Member, gather, mapped, read_structures
 from mlscli.io.source import Cloud, side_by_side
 from mlscli.runtime.arrays import Float64, Int64, UInt8
 
 _COUNT = struct.Struct("<Q")
 _POINT = (
-    Field("id", "u8"),
-    *(Field(name, "f8") for name in "xyz"),
-    *(Field(name, "u1") for name in ("red", "green", "blue")),
-    Field("error", "f8"),
+    Member("id", "u8"),
+    *(Member(name, "f8") for name in "xyz"),
+    *(Member(name, "u1") for name in ("red", "green", "blue")),
+    Member("error", "f8"),
     # Of each observation the image, u4, and which of its features, u4.
-    Field("track", "V8", "u8"),
+    Member("track", "V8", "u8"),
 )
 _XYZ_AND_TRACK = (1, 2, 3, 8)
 _OBSERVATION = 8
@@ -115,7 +115,7 @@ def _binary_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, l
     data = mapped(file)
     declared = _declared(file, data)
     data = data[_COUNT.size :]
-    count, (*xyz, tracks), _ = read_records(data, _POINT, declared, _XYZ_AND_TRACK)
+    count, (*xyz, tracks), _ = read_structures(data, _POINT, declared, _XYZ_AND_TRACK)
     lost = [shortfall(file, count, declared)] if count < declared else []
     return side_by_side(xyz), _first_images(data, tracks, ranks), lost
 
@@ -147,7 +147,7 @@ def _first_images(data: UInt8, tracks: Int64, ranks: dict[int, int]) -> Int64:
 
 def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
     """Read images: of each a line, and a line of its features, which may be empty."""
-    images, tally = list[_Image](), _Tally(file)
+    images, tally = list[_Image](), _DeclaredCount(file)
     with file.open(encoding="utf-8", errors="replace") as lines:
         for line in lines:
             if tally.passes(line):
@@ -167,7 +167,7 @@ def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
 
 def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, list[str]]:
     """Read points, a line each: the number, x, y, z, a colour, an error, and the track."""
-    points, first, tally = list[list[float]](), list[int](), _Tally(file)
+    points, first, tally = list[list[float]](), list[int](), _DeclaredCount(file)
     unknown = len(ranks)
     with file.open(encoding="utf-8", errors="replace") as lines:
         for line in lines:
@@ -189,7 +189,7 @@ def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, lis
     return xyz, np.where(rank == unknown, -1, rank), tally.losses(len(points), "points")
 
 
-class _Tally:
+class _DeclaredCount:
     """Passes over the comments of a text, and counts what is declared there and broken."""
 
     def __init__(self, file: Path) -> None:

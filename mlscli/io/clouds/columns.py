@@ -16,7 +16,7 @@ from mlscli.runtime.arrays import Float64
 
 COLUMNS = ("x", "y", "z", "keyframe", "t", "cx", "cy", "cz")
 
-BLOCK = 1 << 22
+BLOCK_CHARACTERS = 1 << 22
 """Characters read at a time."""
 
 _LONGEST_LINE = 1 << 16
@@ -37,7 +37,7 @@ def blocks(file: TextIO, path: Path) -> Iterator[tuple[int, str]]:
         A line is longer than any row of numbers.
     """
     line = 1
-    while text := file.read(BLOCK):
+    while text := file.read(BLOCK_CHARACTERS):
         if not text.endswith("\n"):
             text += file.readline(_LONGEST_LINE)
         if len(text) - text.rfind("\n") > _LONGEST_LINE:

@@ -19,7 +19,7 @@ import numpy as np
 from mlscli.errors import InputError, one_line
 from mlscli.io.clouds.laz import check_packing, needs_table, readable_points
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
-from mlscli.io.clouds.records import mapped
+from mlscli.io.clouds.structures import mapped
 from mlscli.io.source import keyframe_field, side_by_side
 from mlscli.runtime.arrays import Array, Float64
 
@@ -92,9 +92,9 @@ class LasCloud(PointFile):
                 f"{self.path}: the header cannot be read: {one_line(error)}"
             ) from error
 
-    def _part(self, steps: Iterable[int], left: int, one_way: bool) -> _Part:
+    def _part(self, steps: Iterable[int], left: int, one_way: bool) -> _ChunkedPoints:
         """Read so many points at a time, until all came or no more can be read."""
-        part = _Part([], [], [], "")
+        part = _ChunkedPoints([], [], [], "")
         with self.path.open("rb") as file:
             try:
                 reader = laspy.LasReader(
@@ -124,7 +124,7 @@ class LasCloud(PointFile):
         return part
 
 
-class _Part(NamedTuple):
+class _ChunkedPoints(NamedTuple):
     """Chunks of points and their keyframes, how many points each had, and what ended them."""
 
     points: list[Float64]

@@ -23,9 +23,9 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.lzf import decompress
+from mlscli.io.clouds.number_lines import Item, open_lines
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
-from mlscli.io.clouds.records import Field, mapped, read_records
-from mlscli.io.clouds.rows import Item, open_rows
+from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Array
@@ -86,7 +86,7 @@ class PcdCloud(PointFile):
         types = entries.get("TYPE", ["F"] * len(names))
         if len(types) != len(names):
             raise InputError(f"{self.path}: TYPE has {len(types)} values for {len(names)} FIELDS")
-        fields = [_Field(*entry) for entry in zip(names, sizes, types, counts, strict=True)]
+        fields = [_PcdField(*entry) for entry in zip(names, sizes, types, counts, strict=True)]
         width, height = self._numbers(entries, "WIDTH", 1, "0") + self._numbers(
             entries, "HEIGHT", 1, "1"
         )
@@ -148,18 +148,18 @@ class PcdCloud(PointFile):
         def pick(row: Sequence[Item], /) -> list[Item]:
             return [row[starts[place]] for place in wanted]
 
-        with open_rows(self.path, header.size) as rows:
+        with open_lines(self.path, header.size) as rows:
             values, fault = rows.read(header.points, pick, starts[-1])
         return list(values.reshape(-1, len(wanted)).T), fault
 
     def _records(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
         """Return the wanted columns of points one after the other."""
         fields = [
-            Field(field.name, field.dtype if place in wanted else f"V{field.size * field.count}")
+            Member(field.name, field.dtype if place in wanted else f"V{field.size * field.count}")
             for place, field in enumerate(header.fields)
         ]
         data = mapped(self.path)[header.size :]
-        return read_records(data, fields, header.points, wanted).columns, ""
+        return read_structures(data, fields, header.points, wanted).columns, ""
 
     def _compressed(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
         """Return the wanted columns of fields one after the other, and what is wrong with them."""
@@ -190,7 +190,7 @@ class PcdCloud(PointFile):
 
 
 @dataclass(frozen=True)
-class _Field:
+class _PcdField:
     """What a header says of a field."""
 
     name: str
@@ -207,7 +207,7 @@ class _Field:
 class _Header(NamedTuple):
     """What a header says: the layout of the points, where they begin and were seen from."""
 
-    fields: list[_Field]
+    fields: list[_PcdField]
     points: int
     position: tuple[float, float, float]
     data: str

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mlscli.errors import InputError
+from mlscli.io.clouds.number_lines import Item, open_lines
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
-from mlscli.io.clouds.records import Field, mapped, read_records
-from mlscli.io.clouds.rows import Item, open_rows
+from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
 from mlscli.runtime.arrays import Array
 
@@ -90,9 +90,9 @@ class PlyCloud(PointFile):
                 case ["property", "list", length, type_, name] if (
                     elements and _TYPES.get(length, "f")[0] != "f" and type_ in _TYPES
                 ):
-                    elements[-1].fields.append(Field(name, _TYPES[type_], _TYPES[length]))
+                    elements[-1].fields.append(Member(name, _TYPES[type_], _TYPES[length]))
                 case ["property", type_, name] if elements and type_ in _TYPES:
-                    elements[-1].fields.append(Field(name, _TYPES[type_]))
+                    elements[-1].fields.append(Member(name, _TYPES[type_]))
                 case ["comment" | "obj_info", *_] | []:
                     pass
                 case _:
@@ -120,14 +120,14 @@ class PlyCloud(PointFile):
         """Return the wanted columns of a binary file."""
         data = mapped(self.path)[header.size :]
         for element in header.elements[: header.elements.index(vertex)]:
-            data = read_records(data, element.fields, element.count, order=header.order).rest
-        return read_records(data, vertex.fields, vertex.count, wanted, header.order).columns, ""
+            data = read_structures(data, element.fields, element.count, order=header.order).rest
+        return read_structures(data, vertex.fields, vertex.count, wanted, header.order).columns, ""
 
     def _rows(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]
     ) -> tuple[list[Array], str]:
         """Return the wanted columns of a text, and what is wrong with its first broken row."""
-        with open_rows(self.path, header.size) as rows:
+        with open_lines(self.path, header.size) as rows:
             for element in header.elements[: header.elements.index(vertex)]:
                 rows.skip(element.count if element.fields else 0)
             values, fault = rows.read(vertex.count, _Picker(vertex.fields, wanted), vertex.width)
@@ -148,7 +148,7 @@ class _Element:
 
     name: str
     count: int
-    fields: list[Field]
+    fields: list[Member]
 
     @property
     def width(self) -> int | None:
@@ -159,7 +159,7 @@ class _Element:
 class _Picker(NamedTuple):
     """Takes fields out of a row, past the lists before them."""
 
-    fields: Sequence[Field]
+    fields: Sequence[Member]
     places: Sequence[int]
 
     def __call__(self, row: Sequence[Item], /) -> list[Item]:

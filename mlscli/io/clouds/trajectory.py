@@ -21,7 +21,7 @@ from mlscli.io.clouds import columns as lines
 from mlscli.runtime.arrays import Float64
 
 _COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
-_NANOSECONDS = 1e11
+SECONDS_BELOW = 1e11
 _LARGEST_FILE = 1 << 30
 # What is mistaken for a cloud is told by so many lines, and quaternions of length 1 but for this.
 _FIRST_ROWS = 20
@@ -129,7 +129,7 @@ def _trajectory(path: Path, rows: Float64) -> Trajectory:
         notes.append(
             f"{path}: {len(rows) - len(told)} of {len(rows)} lines tell no pose and are left out"
         )
-    if np.abs(stamps[told]).max() >= _NANOSECONDS:
+    if np.abs(stamps[told]).max() >= SECONDS_BELOW:
         stamps = stamps / 1e9
         notes.append(f"{path}: the time stamps are taken as nanoseconds")
     order = in_order(stamps, told)

@@ -11,11 +11,11 @@ from mlscli.io.containers.losses import DamagedError
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
-LARGEST = 1 << 32
+LARGEST_BYTES = 1 << 32
 """A chunk or message that claims to be larger than this when decompressed is damaged."""
 
 # A block of zstd can be 30,000 times as large decompressed.
-_PIECE = 1 << 14
+_PIECE_BYTES = 1 << 14
 _SMALL_PIECE = 1 << 8
 # About what a chunk of a bag holds.
 _LZ4_PIECE = 1 << 20
@@ -39,8 +39,10 @@ def decompress(data: bytes, method: str, size: int) -> bytes:
     """
     if method in ("", "none"):
         return data
-    if size > LARGEST:
-        raise DamagedError(f"it claims {size:,} bytes decompressed, expected at most {LARGEST:,}")
+    if size > LARGEST_BYTES:
+        raise DamagedError(
+            f"it claims {size:,} bytes decompressed, expected at most {LARGEST_BYTES:,}"
+        )
     try:
         content = _whole(method)(data, size)
     except (ValueError, OSError, RuntimeError, MemoryError, EOFError, _zstd_error()) as error:
@@ -86,7 +88,7 @@ def plain(data: bytes | memoryview, encoding: str) -> bytes | memoryview | Damag
         return (
             decompress(compressed, "zstd", size)
             if size >= 0
-            else _zstd_in_pieces(compressed, LARGEST)
+            else _zstd_in_pieces(compressed, LARGEST_BYTES)
         )
     except (zstandard.ZstdError, MemoryError) as error:
         return DamagedError(f"zstd: {_reason(error)}")
@@ -106,7 +108,7 @@ def decompress_file(source: BinaryIO, target: BinaryIO) -> str:
 
     frame = None
     try:
-        while piece := source.read(_PIECE):
+        while piece := source.read(_PIECE_BYTES):
             while piece:
                 frame = frame or zstandard.ZstdDecompressor().decompressobj()
                 target.write(frame.decompress(piece))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-_NANOSECONDS = 10**9
+from mlscli.io.ros import NANOSECONDS
 
 
 class DamagedError(ValueError):
@@ -60,7 +60,7 @@ class Losses:
             line += f", and {more:,} more {'fault' if more == 1 else 'faults'}"
         amounts = [
             *([_plural(self.messages, "message")] if self.messages else []),
-            *([f"{self.nanoseconds / _NANOSECONDS:.3f} s"] if self.nanoseconds else []),
+            *([f"{self.nanoseconds / NANOSECONDS:.3f} s"] if self.nanoseconds else []),
             *([_plural(self.size, "byte")] if self.size else []),
         ]
         return [f"{line}; lost: {', '.join(amounts)}" if amounts else line]

@@ -24,7 +24,6 @@ from mlscli.io.containers.ros1records import (
     CONNECTION,
     INDEX,
     MESSAGE,
-    NANOSECONDS,
     U32,
     Record,
     add_index,
@@ -32,6 +31,7 @@ from mlscli.io.containers.ros1records import (
     read_fields,
     read_record,
 )
+from mlscli.io.ros import NANOSECONDS
 
 MAGIC = b"#ROSBAG V2.0\n"
 

@@ -13,9 +13,9 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from mlscli.io.containers.chunked import Chunk
+from mlscli.io.ros import NANOSECONDS
 
 MESSAGE, BAG, INDEX, CHUNK, CHUNK_INFO, CONNECTION = b"\2", b"\3", b"\4", b"\5", b"\6", b"\7"
-NANOSECONDS = 10**9
 U32 = struct.Struct("<I")
 CHUNK_START = re.compile(rb"[\x28\x29]\0\0\0[\4\x0f\x10\x09]\0\0\0(?:op=|compression=|size=)")
 """A chunk's header has 40 or 41 bytes: its op, its compression, its size."""

@@ -52,7 +52,7 @@ class Ros2Bag:
         self.path = path
         self.notes: list[str] = []
         self._found = Losses(path)
-        self._parts: list[_Part] = []
+        self._parts: list[_BagFile] = []
         metadata = Metadata()
         faults: list[str] = []
         files = [path]
@@ -61,7 +61,7 @@ class Ros2Bag:
             files = self._files(metadata, self._listing())
         for file in files:
             try:
-                self._parts.append(_Part.open(file))
+                self._parts.append(_BagFile.open(file))
             except InputError as error:
                 faults.append(str(error))
                 self._lose(file.name, metadata, f"{file.name} cannot be read")
@@ -102,7 +102,7 @@ class Ros2Bag:
         ]
         yield from in_time_order(streams, lambda s: s[0], lambda s: s[1])
 
-    def _read(self, at: int, part: _Part, topics: Collection[str] | None) -> Iterator[Message]:
+    def _read(self, at: int, part: _BagFile, topics: Collection[str] | None) -> Iterator[Message]:
         """Read the messages of a file, with the channels of the bag."""
         with part.opened() as storage:
             # By identity, as equality looks at the whole definition.
@@ -181,7 +181,7 @@ class Ros2Bag:
 
 
 @dataclass
-class _Part:
+class _BagFile:
     """A file of a bag; one that is compressed is not kept open."""
 
     path: Path
@@ -193,7 +193,7 @@ class _Part:
     losses: Sequence[str] = ()
 
     @classmethod
-    def open(cls, path: Path) -> _Part:
+    def open(cls, path: Path) -> _BagFile:
         part = cls(path, (), None, None)
         part.storage = None if _head(path).startswith(ZSTD_MAGIC) else _open_storage(path)
         with part.opened() as storage:

@@ -13,7 +13,7 @@ from mlscli.io.ros import METADATA_FILE
 STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
 """How the names of files of messages end."""
 
-_LARGEST = 1 << 26
+_LARGEST_BYTES = 1 << 26
 
 
 class Declared(NamedTuple):
@@ -46,7 +46,7 @@ class Metadata:
         path = folder / METADATA_FILE
         try:
             with path.open(encoding="utf-8", errors="replace") as file:
-                content = yaml.safe_load(file.read(_LARGEST))
+                content = yaml.safe_load(file.read(_LARGEST_BYTES))
         except FileNotFoundError:
             notes.append(f"{folder}: has no {METADATA_FILE}; all its .db3 and .mcap files are read")
             return cls()

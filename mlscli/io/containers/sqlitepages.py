@@ -18,10 +18,10 @@ Value: TypeAlias = int | float | bytes | None
 _HEADER_SIZE = 100
 _INTERIOR, _LEAF = 5, 13
 _INTEGER_SIZES = (0, 1, 2, 3, 4, 6, 8)
-_PIECE = 1 << 20
+_PIECE_BYTES = 1 << 20
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """Where a row lies: its number, its page, and its place there."""
 
     number: int
@@ -66,7 +66,7 @@ class Pages:
                 tables[name.decode(errors="replace")] = page
         return tables
 
-    def rows(self, page: int) -> Iterator[Row]:
+    def rows(self, page: int) -> Iterator[TableRow]:
         """Find the rows of the table that begins on a page, as far as its pages can be read."""
         waiting, seen = [page], set()
         while waiting:
@@ -83,7 +83,7 @@ class Pages:
                 last = _number(content, start + 8)
                 waiting += [last, *(_number(content, at) for at in reversed(cells))]
 
-    def all_rows(self) -> Iterator[Row]:
+    def all_rows(self) -> Iterator[TableRow]:
         """Find the rows of all tables, in the order of the file."""
         for number in range(1, self._count + 1):
             content = self._page(number)
@@ -91,7 +91,7 @@ class Pages:
             if kind == _LEAF:
                 yield from self._leaf_rows(number, content, cells)
 
-    def values(self, row: Row, count: int) -> list[Value]:
+    def values(self, row: TableRow, count: int) -> list[Value]:
         """Return the first values of a row.
 
         Raises
@@ -106,7 +106,7 @@ class Pages:
             for type_, start, stop in zip(types, starts, starts[1:], strict=False)
         ][:count]
 
-    def types(self, row: Row) -> list[int]:
+    def types(self, row: TableRow) -> list[int]:
         """Return the types of a row's values, as SQLite numbers them.
 
         Raises
@@ -136,13 +136,13 @@ class Pages:
         cells = (int.from_bytes(content[at : at + 2], "big") for at in range(first, last, 2))
         return kind, [at for at in cells if last <= at <= self._usable - 4]
 
-    def _leaf_rows(self, page: int, content: bytes, cells: list[int]) -> Iterator[Row]:
+    def _leaf_rows(self, page: int, content: bytes, cells: list[int]) -> Iterator[TableRow]:
         for at in cells:
             _, after = _varint(content, at)
             number, _ = _varint(content, after)
-            yield Row(number, page, at)
+            yield TableRow(number, page, at)
 
-    def _layout(self, row: Row, count: int) -> tuple[list[int], list[int]]:
+    def _layout(self, row: TableRow, count: int) -> tuple[list[int], list[int]]:
         """Return the types of a row's values, and where in its payload each begins and ends."""
         head = self._payload(row, 9)
         header, at = _varint(head, 0)
@@ -158,10 +158,10 @@ class Pages:
             raise DamagedError("its values do not fill it")
         return types, starts
 
-    def _length_of(self, row: Row) -> int:
+    def _length_of(self, row: TableRow) -> int:
         return _varint(self._page(row.page), row.offset)[0]
 
-    def _payload(self, row: Row, wanted: int) -> bytes:
+    def _payload(self, row: TableRow, wanted: int) -> bytes:
         """Return the first bytes of a row; what has no place on its page follows on others."""
         content = self._page(row.page)
         length, at = _varint(content, row.offset)

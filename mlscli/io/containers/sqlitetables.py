@@ -17,10 +17,10 @@ import numpy as np
 from mlscli.io.containers.container import Channel
 from mlscli.io.containers.losses import DamagedError
 from mlscli.io.containers.messagetypes import ros2_name
-from mlscli.io.containers.sqlitepages import Pages, Row
+from mlscli.io.containers.sqlitepages import Pages, TableRow
 from mlscli.runtime.arrays import Int64
 
-_BLOCK = 1 << 12
+_BLOCK_ROWS = 1 << 12
 
 
 class MessageRows(NamedTuple):
@@ -44,8 +44,8 @@ class MessageRows(NamedTuple):
 
 def values(column: Int64) -> Iterator[int]:
     """Return the values of a column one by one, without a list of them all."""
-    for at in range(0, len(column), _BLOCK):
-        yield from column[at : at + _BLOCK].tolist()
+    for at in range(0, len(column), _BLOCK_ROWS):
+        yield from column[at : at + _BLOCK_ROWS].tolist()
 
 
 class Tables(Protocol):
@@ -101,7 +101,7 @@ class Database:
             "SELECT rowid, topic_id, timestamp FROM messages NOT INDEXED "
             "WHERE typeof(topic_id) = 'integer' AND typeof(timestamp) = 'integer' ORDER BY rowid"
         )
-        found = MessageRows.of(iter(lambda: cursor.fetchmany(_BLOCK), []))
+        found = MessageRows.of(iter(lambda: cursor.fetchmany(_BLOCK_ROWS), []))
         ((count,),) = self._connection.execute("SELECT count(*) FROM messages NOT INDEXED")
         self.missing = count - len(found.rows)
         return found
@@ -167,7 +167,7 @@ class Salvage:
         """Return where the messages are, in the order of recording."""
         numbers = array("q")
         messages = self._messages(numbers)
-        found = MessageRows.of(iter(lambda: list(islice(messages, _BLOCK)), []))
+        found = MessageRows.of(iter(lambda: list(islice(messages, _BLOCK_ROWS)), []))
         _, order = np.unique(np.frombuffer(numbers, dtype=np.int64), return_index=True)
         # They are numbered from 1.
         self.missing = max(numbers, default=0) - len(order)
@@ -209,13 +209,13 @@ def _checked(data: object) -> bytes | DamagedError:
     return data if isinstance(data, bytes) else DamagedError("it holds no data")
 
 
-def _packed(row: Row) -> int:
+def _packed(row: TableRow) -> int:
     """Return the place of a row in one number; no page has more than 65536 bytes."""
     return row.page << 16 | row.offset
 
 
-def _unpacked(place: int) -> Row:
-    return Row(0, place >> 16, place & 0xFFFF)
+def _unpacked(place: int) -> TableRow:
+    return TableRow(0, place >> 16, place & 0xFFFF)
 
 
 def _channels(

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from mlscli.io.messages.laserscan import polar
-from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, placed
-from mlscli.io.messages.pointcloud2 import Field, Packed
+from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of, placed
+from mlscli.io.messages.pointcloud2 import Packed, PointField
 from mlscli.runtime.arrays import Array, Float64
 
 # foxglove.NumericType: what its numbers stand for.
 _DATATYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8"}
 
 
-def decode_foxglove_pointcloud(message: Any) -> list[Part]:
+def decode_foxglove_pointcloud(message: Any) -> list[CloudPart]:
     """Read a ``foxglove.PointCloud``.
 
     Raises
@@ -39,20 +39,20 @@ def decode_foxglove_pointcloud(message: Any) -> list[Part]:
             raise MalformedCloudError(
                 f"{len(data)} bytes of data, expected a multiple of point_stride {stride}"
             )
-        fields = {f.name: Field(int(f.offset), int(f.type)) for f in reversed(message.fields)}
+        fields = {f.name: PointField(int(f.offset), int(f.type)) for f in reversed(message.fields)}
         shape, strides = (1, len(data) // stride), (len(data), stride)
         points, keyframes = Packed(data, shape, strides, fields, _DATATYPES, "<").unpack()
     return [_part(message, points, keyframes)]
 
 
-def decode_foxglove_laserscan(message: Any) -> list[Part]:
+def decode_foxglove_laserscan(message: Any) -> list[CloudPart]:
     """Read a ``foxglove.LaserScan``: its beams are spread evenly from first to last angle."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
     return [_part(message, polar(ranges, angles), None)]
 
 
-def _part(message: Any, points: Float64, keyframes: Array | None) -> Part:
+def _part(message: Any, points: Float64, keyframes: Array | None) -> CloudPart:
     pose = getattr(message, "pose", None)
     if pose is not None:
         points = placed(points, pose)

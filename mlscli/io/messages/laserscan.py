@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.io.messages.parts import Part, part_of
+from mlscli.io.messages.parts import CloudPart, part_of
 from mlscli.runtime.arrays import Float64
 
 
-def decode_laserscan(message: Any) -> list[Part]:
+def decode_laserscan(message: Any) -> list[CloudPart]:
     """Read a ``sensor_msgs/LaserScan``; beams that hit nothing are NaN."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = message.angle_min + np.arange(len(ranges)) * message.angle_increment

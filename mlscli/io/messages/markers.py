@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.io.messages.parts import Part, part_of, placed, vectors
+from mlscli.io.messages.parts import CloudPart, part_of, placed, vectors
 from mlscli.runtime.arrays import Float64
 
 # visualization_msgs/Marker: the type of an object and what to do with it.
@@ -25,18 +25,18 @@ _ADD = 0
 _NONE = np.empty((0, 3))
 
 
-def decode_marker(message: Any) -> list[Part]:
+def decode_marker(message: Any) -> list[CloudPart]:
     """Read a ``visualization_msgs/Marker``; there is no part where it adds nothing."""
     return _parts([message])
 
 
-def decode_markerarray(message: Any) -> list[Part]:
+def decode_markerarray(message: Any) -> list[CloudPart]:
     """Read a ``visualization_msgs/MarkerArray``; there is a part for each frame and time."""
     return _parts(message.markers)
 
 
-def _parts(markers: Iterable[Any]) -> list[Part]:
-    clouds: dict[tuple[str, float], list[Part]] = {}
+def _parts(markers: Iterable[Any]) -> list[CloudPart]:
+    clouds: dict[tuple[str, float], list[CloudPart]] = {}
     for marker in markers:
         # What is deleted was a point once, and has been read then.
         if marker.action == _ADD:

@@ -11,10 +11,9 @@ import numpy as np
 
 from mlscli.errors import one_line
 from mlscli.geometry.poses import Pose, apply
+from mlscli.io.ros import NANOSECONDS
 from mlscli.io.source import rows_by_first_appearance, side_by_side
 from mlscli.runtime.arrays import Array, Float64
-
-_NANOSECONDS = 10**9
 
 
 class MalformedCloudError(ValueError):
@@ -24,7 +23,7 @@ class MalformedCloudError(ValueError):
         super().__init__(one_line(words))
 
 
-class Part(NamedTuple):
+class CloudPart(NamedTuple):
     """Points of a message that are in one frame at one time.
 
     Attributes
@@ -56,7 +55,7 @@ class Part(NamedTuple):
 
 def part_of(
     points: Float64, frame_id: Any, time: Any, keyframes: Array | None = None, skipped: int = 0
-) -> Part:
+) -> CloudPart:
     """Return points with their frame and time as the message states them.
 
     Raises
@@ -68,7 +67,7 @@ def part_of(
         raise MalformedCloudError(f"frame {str(frame_id)[:50]!r}, expected text")
     if points.ndim != 2 or points.shape[1] != 3:
         raise MalformedCloudError(f"coordinates of shape {points.shape}, expected (N, 3)")
-    return Part(points, keyframes, frame_id, seconds(time), skipped)
+    return CloudPart(points, keyframes, frame_id, seconds(time), skipped)
 
 
 def seconds(time: Any) -> float:
@@ -78,7 +77,7 @@ def seconds(time: Any) -> float:
     else:
         whole, nanoseconds = time.sec, time.nanosec if hasattr(time, "nanosec") else time.nsec
     # Text times a number is a long text.
-    return (int(whole) * _NANOSECONDS + int(nanoseconds)) / _NANOSECONDS
+    return (int(whole) * NANOSECONDS + int(nanoseconds)) / NANOSECONDS
 
 
 def vectors(structures: Array) -> Float64:

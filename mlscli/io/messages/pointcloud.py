@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from mlscli.io.messages.parts import MalformedCloudError, Part, part_of, vectors
+from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of, vectors
 from mlscli.io.source import keyframe_field
 
 
-def decode_pointcloud(message: Any) -> list[Part]:
+def decode_pointcloud(message: Any) -> list[CloudPart]:
     """Read a ``sensor_msgs/PointCloud``, its points a structured array.
 
     Raises
@@ -33,7 +33,7 @@ def decode_pointcloud(message: Any) -> list[Part]:
     return [part_of(points, message.header.frame_id, message.header.stamp, keyframes)]
 
 
-def decode_posearray(message: Any) -> list[Part]:
+def decode_posearray(message: Any) -> list[CloudPart]:
     """Read the positions of a ``geometry_msgs/PoseArray``, its poses a structured array."""
     points = vectors(message.poses["position"])
     return [part_of(points, message.header.frame_id, message.header.stamp)]

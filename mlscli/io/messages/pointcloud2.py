@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.io.messages.parts import MalformedCloudError, Part, part_of
+from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of
 from mlscli.io.ros import DATATYPES
 from mlscli.io.source import keyframe_field, side_by_side
 from mlscli.runtime.arrays import Array, Float64
 
 
-class Field(NamedTuple):
+class PointField(NamedTuple):
     """A number of every point: where it begins in the point, and its datatype by number."""
 
     offset: int
@@ -36,7 +36,7 @@ class Packed(NamedTuple):
         Rows, and points in a row.
     strides : tuple of int
         Bytes from row to row and from point to point, with which the data is long enough.
-    fields : mapping of str to Field
+    fields : mapping of str to PointField
     datatypes : mapping of int to str
         What the numbers of datatypes stand for, as numpy writes it.
     order : str
@@ -46,7 +46,7 @@ class Packed(NamedTuple):
     data: Array
     shape: tuple[int, int]
     strides: tuple[int, int]
-    fields: Mapping[str, Field]
+    fields: Mapping[str, PointField]
     datatypes: Mapping[int, str]
     order: str
 
@@ -85,7 +85,7 @@ class Packed(NamedTuple):
         return np.ndarray(self.shape, dtype, self.data, offset, self.strides)
 
 
-def decode_pointcloud2(message: Any) -> list[Part]:
+def decode_pointcloud2(message: Any) -> list[CloudPart]:
     """Read a ``sensor_msgs/PointCloud2`` of any layout.
 
     Raises
@@ -100,9 +100,9 @@ def decode_pointcloud2(message: Any) -> list[Part]:
     points, keyframes = np.empty((0, 3)), None
     if width * height:
         # Of two fields with one name the first counts; of several elements the first as well.
-        fields: dict[str, Field] = {}
+        fields: dict[str, PointField] = {}
         for field in message.fields:
-            fields.setdefault(field.name, Field(field.offset, field.datatype))
+            fields.setdefault(field.name, PointField(field.offset, field.datatype))
         points, keyframes = Packed(
             np.asarray(message.data),
             (height, width),

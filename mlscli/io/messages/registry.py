@@ -12,13 +12,13 @@ from typing import Any
 from mlscli.io.messages.foxglove import decode_foxglove_laserscan, decode_foxglove_pointcloud
 from mlscli.io.messages.laserscan import decode_laserscan
 from mlscli.io.messages.markers import decode_marker, decode_markerarray
-from mlscli.io.messages.parts import MalformedCloudError, Part, checked
+from mlscli.io.messages.parts import CloudPart, MalformedCloudError, checked
 from mlscli.io.messages.pointcloud import decode_pointcloud, decode_posearray
 from mlscli.io.messages.pointcloud2 import decode_pointcloud2
 
-__all__ = ["CLOUD_TYPES", "MAPPABLE", "MalformedCloudError", "Part"]
+__all__ = ["CLOUD_TYPES", "MAPPABLE", "CloudPart", "MalformedCloudError"]
 
-CLOUD_TYPES: dict[str, Callable[[Any], list[Part]]] = {
+CLOUD_TYPES: dict[str, Callable[[Any], list[CloudPart]]] = {
     type_: checked(type_, decode)
     for type_, decode in {
         "sensor_msgs/msg/PointCloud2": decode_pointcloud2,

@@ -15,10 +15,9 @@ from mlscli.errors import InputError, UsageError
 from mlscli.io.containers.container import Container, Message
 from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
 from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
-from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, MalformedCloudError, Part
+from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, CloudPart, MalformedCloudError
+from mlscli.io.ros import NANOSECONDS
 from mlscli.io.source import Clock, Cloud, StampedPoses, Topic, Wanted, everything
-
-_NANOSECONDS = 10**9
 
 
 class TopicSource:
@@ -99,7 +98,7 @@ class TopicSource:
         span = self._container.time_span
         if span is None:
             return math.nan, math.nan
-        return span[0] / _NANOSECONDS, span[1] / _NANOSECONDS
+        return span[0] / NANOSECONDS, span[1] / NANOSECONDS
 
     def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
         """Read the clouds of the topic in the order of their recording.
@@ -175,10 +174,10 @@ class TopicSource:
 
     def _stamp(self, message: Message) -> float:
         if self._clock == "log":
-            return message.log_time / _NANOSECONDS
+            return message.log_time / NANOSECONDS
         return self._deserializer.stamp(message)
 
-    def _decode(self, message: Message) -> list[Part]:
+    def _decode(self, message: Message) -> list[CloudPart]:
         return CLOUD_TYPES[message.channel.type](self._deserializer.read(message))
 
     def _told(
@@ -200,7 +199,7 @@ class TopicSource:
                     refused[message.channel.topic] += poses.refused
                     stamps = poses.stamps
                     if self._clock == "log":
-                        stamps = np.full(len(stamps), message.log_time / _NANOSECONDS)
+                        stamps = np.full(len(stamps), message.log_time / NANOSECONDS)
                     yield message.channel.topic, poses._replace(stamps=stamps)
         finally:
             lost = [

@@ -19,7 +19,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from mlscli.io.ros import DATATYPES, usual_types
+from mlscli.io.ros import DATATYPES, NANOSECONDS, usual_types
 from mlscli.io.writing.triangle_lists import TriangleLists
 from mlscli.runtime.arrays import Array, Float64, Int32, UInt8
 
@@ -34,7 +34,6 @@ PATH_TYPE = "nav_msgs/msg/Path"
 
 _NUMBERS = {name: number for number, name in DATATYPES.items()}
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
-_NANOSECONDS = 10**9
 _FOREVER = QosTime(2147483647, 4294967295)
 
 
@@ -215,7 +214,7 @@ class BagWriter:
         return self._types[type_](**fields)
 
     def _header(self, stamp: int, frame_id: str) -> Any:
-        seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
+        seconds, nanoseconds = divmod(stamp, NANOSECONDS)
         time = self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
         sequence = {"seq": 0} if self._is_ros1 else {}
         return self._new("std_msgs/msg/Header", **sequence, stamp=time, frame_id=frame_id)

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from mlscli.errors import OutputError, UsageError
-from mlscli.io.ros import METADATA_FILE
+from mlscli.io.ros import METADATA_FILE, NANOSECONDS
 from mlscli.io.writing.atomic import refuse_existing
 from mlscli.io.writing.bag_messages import (
     CLOUD_TYPE,
@@ -45,7 +45,6 @@ MAP, BASE, CAMERA = "map", "base_link", "camera"
 MOUNT = ((0.06, 0.0, -0.04), (0.5**0.5, -(0.5**0.5), 0.0, 0.0))
 """The camera on the craft, T_base_camera: it looks straight down, its image's top ahead."""
 
-_NANOSECONDS = 10**9
 _POINT = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
 
 
@@ -176,7 +175,7 @@ def _unwritable(target: Path, error: Exception) -> OutputError:
 def nanoseconds(seconds: float) -> int:
     """Return a time in nanoseconds, without the digits that a product of large numbers loses."""
     whole = math.floor(seconds)
-    return whole * _NANOSECONDS + round((seconds - whole) * _NANOSECONDS)
+    return whole * NANOSECONDS + round((seconds - whole) * NANOSECONDS)
 
 
 def _in_camera(keyframe: Keyframe, attitude: Float64) -> Float64:

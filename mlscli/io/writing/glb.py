@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mlscli.mesh import Mesh
 
 # Lengths in the file's headers are uint32.
-MAX_BYTES = 2**32 - 1
+MAX_GLB_BYTES = 2**32 - 1
 
 _FLOAT, _UINT32, _UINT8 = 5126, 5125, 5121
 _VERTICES, _INDICES = 34962, 34963
@@ -38,7 +38,7 @@ _SIN_45 = 0.5**0.5
 _Y_UP = (-_SIN_45, 0.0, 0.0, _SIN_45)
 
 
-class _Piece(NamedTuple):
+class _Primitive(NamedTuple):
     """What is drawn in one way: its vertices, and the indices over these."""
 
     name: str
@@ -59,10 +59,10 @@ def write_glb(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = Fal
     refuse_existing(path, overwrite=overwrite)
     elements = (mesh.triangles, mesh.lines, mesh.points)
     at_most = sum(indices.size for indices in elements) * 4 + len(mesh.vertices) * 3 * 16
-    if at_most > MAX_BYTES:
+    if at_most > MAX_GLB_BYTES:
         raise OutputError(
             f"{os.fspath(path)}: the mesh takes up to {at_most} bytes; "
-            f"a GLB file holds at most {MAX_BYTES}: write PLY, or crop the map"
+            f"a GLB file holds at most {MAX_GLB_BYTES}: write PLY, or crop the map"
         )
     low, high = (
         (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))
@@ -90,7 +90,7 @@ def write_glb(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = Fal
             stream.write(block.view(np.uint8).data)
 
 
-def _piece(name: str, mesh: Mesh, indices: Int32, middle: Array) -> _Piece:
+def _piece(name: str, mesh: Mesh, indices: Int32, middle: Array) -> _Primitive:
     """Return the vertices that the elements use, numbered anew."""
     is_used = np.zeros(len(mesh.vertices), dtype=np.bool_)
     is_used[indices] = True
@@ -98,7 +98,7 @@ def _piece(name: str, mesh: Mesh, indices: Int32, middle: Array) -> _Piece:
     colours = np.full((len(used), 4), 255, dtype=np.uint8)
     # The format's colours are linear.
     colours[:, :3] = _linear()[mesh.colours[used]]
-    return _Piece(
+    return _Primitive(
         name,
         (mesh.vertices[used] - middle).astype("<f4"),
         colours,
@@ -114,7 +114,7 @@ def _linear() -> UInt8:
     return channel
 
 
-def _document(pieces: list[_Piece], middle: list[float]) -> dict[str, Any]:
+def _document(pieces: list[_Primitive], middle: list[float]) -> dict[str, Any]:
     """Return the JSON that says what the blocks of binary data are."""
     x, y, z = middle
     document: dict[str, Any] = {
@@ -162,7 +162,7 @@ def _document(pieces: list[_Piece], middle: list[float]) -> dict[str, Any]:
     return document
 
 
-def _accessors(piece: _Piece, first: int) -> list[dict[str, Any]]:
+def _accessors(piece: _Primitive, first: int) -> list[dict[str, Any]]:
     """Return what the three blocks of a piece hold; their views have the same numbers."""
     return [
         {

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mlscli.mesh import Mesh
 
 # Vertices are numbered from 1, and readers keep the numbers in int32.
-MAX_VERTICES = 2**31 - 1
+MAX_OBJ_VERTICES = 2**31 - 1
 
 # Lines are put together so many at a time, to bound the memory that takes.
 CHUNK = 2**18
@@ -47,10 +47,10 @@ def write_obj(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = Fal
         raise OutputError(f"{target}: an OBJ file cannot name {materials.name!r}; rename it")
     for file in (target, materials):
         refuse_existing(file, overwrite=overwrite)
-    if len(mesh.vertices) > MAX_VERTICES:
+    if len(mesh.vertices) > MAX_OBJ_VERTICES:
         raise OutputError(
             f"{target}: the mesh has {len(mesh.vertices)} vertices; "
-            f"an OBJ file numbers at most {MAX_VERTICES}"
+            f"an OBJ file numbers at most {MAX_OBJ_VERTICES}"
         )
     before = materials.read_bytes() if materials.exists() else None
     written = False

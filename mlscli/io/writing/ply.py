@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mlscli.mesh import Mesh
 
 # Face and edge elements count vertices in int32.
-MAX_VERTICES = 2**31 - 1
+MAX_PLY_VERTICES = 2**31 - 1
 
 VERTEX = np.dtype([("xyz", "<f8", 3), ("rgb", "u1", 3), ("origin", "<i4")])
 FACE = np.dtype([("corners", "u1"), ("vertices", "<i4", 3)])
@@ -38,10 +38,10 @@ def write_ply(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = Fal
         more vertices than PLY's int can number.
     """
     refuse_existing(path, overwrite=overwrite)
-    if len(mesh.vertices) > MAX_VERTICES:
+    if len(mesh.vertices) > MAX_PLY_VERTICES:
         raise OutputError(
             f"{os.fspath(path)}: the mesh has {len(mesh.vertices)} vertices; "
-            f"a PLY file numbers at most {MAX_VERTICES}"
+            f"a PLY file numbers at most {MAX_PLY_VERTICES}"
         )
     with atomic_write(path, overwrite=overwrite) as stream:
         stream.write(_header(mesh).encode("ascii"))

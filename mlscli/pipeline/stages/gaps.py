@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.maps.neighbours import links
-from mlscli.maps.order import Columns
+from mlscli.maps.order import OccupiedCells
 from mlscli.maps.patches import distance
 from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED
 from mlscli.parameters.fields import parameter
@@ -73,7 +73,7 @@ class GapStage(MapStage):
 class Intervals(NamedTuple):
     """What gaps are sought between: vertical intervals in cells, in the file's order."""
 
-    cells: Columns
+    cells: OccupiedCells
     low: Float64
     high: Float64
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.maps.order import Columns
+from mlscli.maps.order import OccupiedCells
 from mlscli.maps.patches import within_gap
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.stages.ordering import order_by_cell
@@ -50,11 +50,11 @@ def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = Non
     gap_size = surface.gap_size
     order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
     inserted = inserted.take(order)
-    cells, low, high = Columns.of(inserted.ix, inserted.iy), inserted.low_end, inserted.height
+    cells, low, high = OccupiedCells.of(inserted.ix, inserted.iy), inserted.low_end, inserted.height
     mine = *cells, low, high
     near = within_gap(*mine, *surface.cells, surface.low_end, surface.height, gap_size)
     if holes is not None:
-        there = Columns.of(holes.ix, holes.iy)
+        there = OccupiedCells.of(holes.ix, holes.iy)
         near |= within_gap(*mine, *there, holes.low_end, holes.height, gap_size)
     stays = ~near
     _choose_from_above(cells.start, low, *inserted[2:], gap_size, stays)

@@ -37,13 +37,13 @@ from mlscli.runtime.threads import in_ranges
 _TOGETHER = 16
 # How much farther than the neighbours of the last points those of the next are sought at first,
 # and how much farther then, where these are too few.
-_FARTHER, _FURTHER = 1.4, 1.5
+FIRST_MARGIN, RETRY_GROWTH = 1.4, 1.5
 # The least part of the radius in which they are sought.
 _NEAREST = 64
 # Of points at the same distance no trial finds just so many.
 _TRIALS = 12
 # So few heights are sorted faster without a branch.
-_FEW = 32
+_FEW_HEIGHTS = 32
 # A buffer has rows for x, y and z of the points around, and for two more; at first so long.
 _SQUARED, _HEIGHT, _ROWS, _ROOM = 3, 4, 5, 256
 _ALL = np.empty(0, dtype=np.bool_)
@@ -84,7 +84,7 @@ class Median(PointStage):
         points: Points,
         cell_size: float,
         asked: Bool | None = None,
-        told: Callable[[int], None] | None = None,
+        progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
         """Return the median heights of points."""
         radius = in_units(self.nb_radius, cell_size)
@@ -100,7 +100,7 @@ class Median(PointStage):
                 which, height, looked,
             )  # fmt: skip
 
-        in_ranges(points.size, filter_points, told)
+        in_ranges(points.size, filter_points, progress)
         return Evaluated(height, looked)
 
 
@@ -161,7 +161,7 @@ def _filter_together(
     xyz, order = grid.xyz, grid.order
     low, high = xyz[first, 2], xyz[last - 1, 2]
     # Where points coincide, the last ones told nothing.
-    distance = min(max(_FARTHER * reached, radius / _NEAREST), radius)
+    distance = min(max(FIRST_MARGIN * reached, radius / _NEAREST), radius)
     if max_nb == 0:
         distance = radius
     near, size, own, cut = gather(grid, around, (first, last), (low, high), distance, near)
@@ -237,7 +237,7 @@ def _neighbours(
         n, limit = _nearest(near, size, limit, max_nb)
         if whole or 0 < max_nb <= n:
             return near, n, limit
-        distance *= _FURTHER
+        distance *= RETRY_GROWTH
         near = np.empty((_ROWS, _ROOM))
         near, size, own, _ = gather(grid, around, (i, i + 1), (z, z), min(distance, radius), near)
 
@@ -300,7 +300,7 @@ def _within(squared: Float64, size: int, limit: float) -> int:
 @inner
 def _middle(heights: Float64, others: Float64, n: int) -> float:
     """Return the element at index ``n // 2`` of the first n heights, if they were sorted."""
-    if n > _FEW:
+    if n > _FEW_HEIGHTS:
         return _nth(heights, others, n, n // 2)
     for place in range(n // 2 + 1):
         least = heights[place]

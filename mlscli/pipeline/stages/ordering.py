@@ -1,7 +1,7 @@
 """Points in the order of their cells: a radix sort of packed keys, then the heights in each cell.
 
-Points are put into strips of some columns first, so many that each is sorted in the cache, by some
-thread. A key holds both cell indices, counted from the least of the strip, in as few bits as they
+Points are put into bands of some columns first, so many that each is sorted in the cache, by some
+thread. A key holds both cell indices, counted from the least of the band, in as few bits as they
 need: cells that lie close together, as those of most recordings do, are sorted in two passes.
 """
 
@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.maps.order import Columns
+from mlscli.maps.order import OccupiedCells
 from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
 # So many points are sorted where they stay in the cache.
-_IN_STRIP = 4096
+_IN_BAND = 4096
 # Bits that a pass sorts by: more buckets would not stay in the nearest cache.
 _BITS = 9
 # Least bits by which heights are sorted before.
 _ROUGHLY = 8
 # Sorting by insertion pays where a height moves by so many places on the average.
-_PATIENCE = 16
+_PATIENCE_PLACES = 16
 
 
 class Ordered(NamedTuple):
@@ -33,14 +33,14 @@ class Ordered(NamedTuple):
     ----------
     order : uint32 (N,)
         The number of the point that comes at each place.
-    cells : Columns
+    cells : OccupiedCells
         The occupied cells, and at which places their points begin.
     z : float64 (N,)
         Their heights.
     """
 
     order: Array
-    cells: Columns
+    cells: OccupiedCells
     z: Float64
 
 
@@ -61,16 +61,16 @@ def order_by_cell(ix: Int32, iy: Int32, z: Float64) -> Ordered:
     z = np.ascontiguousarray(z)
     # No point needs more than 4 bytes for its number but in clouds that fill 100 GB.
     order = np.empty(len(ix), dtype=np.uint32 if len(ix) < 2**32 else np.int64)
-    strips = _put_into_strips(ix, len(ix) // _IN_STRIP, order)
+    bands = _put_into_bands(ix, len(ix) // _IN_BAND, order)
     heights = np.empty(len(ix))
 
-    def order_strips(begin: int, end: int) -> Columns:
-        return Columns(*_order_strips(strips[begin : end + 1], order, ix, iy, z, heights))
+    def order_bands(begin: int, end: int) -> OccupiedCells:
+        return OccupiedCells(*_order_bands(bands[begin : end + 1], order, ix, iy, z, heights))
 
-    several = len(strips) - 1
-    parts = in_ranges(several, order_strips, weight=LIGHT * len(ix) / several)
+    several = len(bands) - 1
+    parts = in_ranges(several, order_bands, weight=LIGHT * len(ix) / several)
     x, y, start = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Ordered(order, Columns(x, y, np.append(start, len(ix))), heights)
+    return Ordered(order, OccupiedCells(x, y, np.append(start, len(ix))), heights)
 
 
 @kernel
@@ -81,47 +81,47 @@ def _locate(xyz: Float64, size: float, ix: Int32, iy: Int32) -> None:
 
 
 @kernel
-def _put_into_strips(ix: Int32, most: int, order: Array) -> Int64:
-    """Note the numbers of points strip by strip, and return where the strips begin, and the end.
+def _put_into_bands(ix: Int32, most: int, order: Array) -> Int64:
+    """Note the numbers of points band by band, and return where the bands begin, and the end.
 
-    A strip is some columns of cells wide, as many as a power of 2, so that there are at most
-    so many strips, or one. The points of a strip keep their order.
+    A band is some columns of cells wide, as many as a power of 2, so that there are at most
+    so many bands, or one. The points of a band keep their order.
     """
-    least, shift, strips = 0, 0, 1
+    least, shift, bands = 0, 0, 1
     if most > 1:
         least = int(ix.min())
         width = int(ix.max()) - least
         while width >> shift >= most:
             shift += 1
-        strips = (width >> shift) + 1
-    start = np.zeros(strips + 1, dtype=np.int64)
-    if strips == 1:
+        bands = (width >> shift) + 1
+    start = np.zeros(bands + 1, dtype=np.int64)
+    if bands == 1:
         for i in range(len(ix)):
             order[i] = i
         start[1] = len(ix)
         return start
     for i in range(len(ix)):
         start[((ix[i] - least) >> shift) + 1] += 1
-    for strip in range(strips):
-        start[strip + 1] += start[strip]
+    for band in range(bands):
+        start[band + 1] += start[band]
     place = start.copy()
     for i in range(len(ix)):
-        strip = (ix[i] - least) >> shift
-        order[place[strip]] = i
-        place[strip] += 1
+        band = (ix[i] - least) >> shift
+        order[place[band]] = i
+        place[band] += 1
     return start
 
 
 @kernel
-def _order_strips(
-    strips: Int64, order: Array, ix: Int32, iy: Int32, z: Float64, heights: Float64
+def _order_bands(
+    bands: Int64, order: Array, ix: Int32, iy: Int32, z: Float64, heights: Float64
 ) -> tuple[Int32, Int32, Int64]:
-    """Order the points of some strips, note their heights, and return cells and their begin."""
-    most = strips[-1] - strips[0]
+    """Order the points of some bands, note their heights, and return cells and their begin."""
+    most = bands[-1] - bands[0]
     cell_x, cell_y = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
     starts, cells = np.empty(most, dtype=np.int64), 0
-    for strip in range(len(strips) - 1):
-        begin, end = strips[strip], strips[strip + 1]
+    for band in range(len(bands) - 1):
+        begin, end = bands[band], bands[band + 1]
         # What lies far apart in memory is fetched once.
         numbers = order[begin:end].copy()
         x, y = np.empty(end - begin, dtype=np.int32), np.empty(end - begin, dtype=np.int32)
@@ -224,7 +224,7 @@ def _ascend(start: Int64, order: Array, heights: Float64) -> None:
     """Order the points of some runs by height."""
     for run in range(len(start) - 1):
         begin, end = start[run], start[run + 1]
-        patience = _PATIENCE * (end - begin)
+        patience = _PATIENCE_PLACES * (end - begin)
         for i in range(begin + 1, end):
             height, point = heights[i], order[i]
             j = i

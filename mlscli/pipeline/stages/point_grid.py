@@ -19,7 +19,7 @@ from mlscli.runtime.threads import in_ranges
 
 _IN_EACH = 5
 # Of a fine column with more points than these, only those of near heights are taken.
-_SHORT = 16
+_SHORT_POINTS = 16
 
 
 class PointGrid(NamedTuple):
@@ -211,7 +211,7 @@ def gather(
             row = firsts[column] + ix * divisions
             for number in range(row + lowest, row + highest + 1):
                 begin, end = fine[number], fine[number + 1]
-                if end - begin > _SHORT:
+                if end - begin > _SHORT_POINTS:
                     begin = _first_from(xyz, begin, end, heights[0] - far)
                     end = _first_from(xyz, begin, end, heights[1] + far)
                     cut |= end - begin < fine[number + 1] - fine[number]

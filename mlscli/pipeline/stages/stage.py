@@ -74,7 +74,7 @@ class PointStage(Stage):
         points: Points,
         cell_size: float,
         asked: Bool | None = None,
-        told: Callable[[int], None] | None = None,
+        progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
         """Return what becomes of each point.
 
@@ -84,15 +84,15 @@ class PointStage(Stage):
         cell_size : float
         asked : bool (N,), optional
             The points for which this is wanted to be known; all where it is not given.
-        told : callable, optional
+        progress : callable, optional
             Called with how many points are done, now and then.
         """
 
     def apply(
-        self, points: Points, cell_size: float, told: Callable[[int], None] | None = None
+        self, points: Points, cell_size: float, progress: Callable[[int], None] | None = None
     ) -> Points:
         """Return the points that stay, in their order, with their new heights."""
-        height = self.evaluate(points, cell_size, told=told).height
+        height = self.evaluate(points, cell_size, progress=progress).height
         return Points(*_kept(*points, height))
 
 

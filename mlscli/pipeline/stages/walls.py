@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 
 from mlscli.maps.neighbours import sought
-from mlscli.maps.order import Columns
+from mlscli.maps.order import OccupiedCells
 from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Length, in_units
@@ -62,7 +62,7 @@ class Walls(GapStage):
             return surface
         for widths in self.passes():
             upright = np.flatnonzero(surface.depth > 0)
-            cells = Columns.of(surface.ix[upright], surface.iy[upright])
+            cells = OccupiedCells.of(surface.ix[upright], surface.iy[upright])
             intervals = Intervals(cells, surface.low_end[upright], surface.height[upright])
             columns = close_gaps(intervals, widths, Tolerance(cell_size, self.height_thresh))
             holes = fill_holes(surface, upright, widths)

@@ -8,24 +8,24 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mlscli.keyframes.batches import Points
-from mlscli.maps.cells import GREATEST, LEAST, Limits, pack, unpack
+from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, Limits, pack, unpack
 from mlscli.maps.patches import runs
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.runtime.arrays import Array, Int32, Int64, UInt64
 
 # A block is 2**4 cells wide: a fraction of the margin that the default pipeline needs.
-SHIFT = 4
+BLOCK_BITS = 4
 
 POINT = np.dtype([("xyz", np.float64, (3,)), ("keyframe", np.int32)])
 
 
-class Rows(Protocol):
+class Sliceable(Protocol):
     """An array, or one that is read when a slice of it is taken."""
 
     def __getitem__(self, part: slice, /) -> Array: ...
 
 
-class Run(NamedTuple):
+class SortedPoints(NamedTuple):
     """Points that came together, sorted by block.
 
     Attributes
@@ -34,13 +34,13 @@ class Run(NamedTuple):
         Packed keys of the blocks, ascending, each once.
     start : int64 (B + 1,)
         The points of block b are ``points[start[b]:start[b + 1]]``.
-    points : Rows
+    points : Sliceable
         Records of `POINT`.
     """
 
     blocks: UInt64
     start: Int64
-    points: Rows
+    points: Sliceable
 
 
 class Occupied(NamedTuple):
@@ -72,12 +72,15 @@ class PointBlocks:
     """
 
     def __init__(
-        self, cell_size: float, put: Callable[[Array], Rows] | None = None, shift: int = SHIFT
+        self,
+        cell_size: float,
+        put: Callable[[Array], Sliceable] | None = None,
+        shift: int = BLOCK_BITS,
     ) -> None:
         self.shift = shift
         self._cell_size = cell_size
         self._put = put or (lambda array: array)
-        self._runs: list[Run] = []
+        self._runs: list[SortedPoints] = []
 
     def add(self, points: Points) -> None:
         """Add points, all of them on the grid."""
@@ -89,7 +92,7 @@ class PointBlocks:
         records["xyz"] = points.xyz[order]
         records["keyframe"] = points.keyframe[order]
         start = runs(keys)
-        self._runs.append(Run(keys[start[:-1]], start, self._put(records)))
+        self._runs.append(SortedPoints(keys[start[:-1]], start, self._put(records)))
 
     @property
     def entries(self) -> int:
@@ -114,11 +117,11 @@ class PointBlocks:
         return points.take(limits.contain(*cells_of(points.xyz, self._cell_size)))
 
 
-def _slices(run: Run, limits: Limits) -> Iterator[Array]:
+def _slices(run: SortedPoints, limits: Limits) -> Iterator[Array]:
     """Yield the points of the blocks within limits; those that follow each other at once."""
-    least = LEAST if limits.min_x is None else max(limits.min_x, LEAST)
-    greatest = GREATEST if limits.max_x is None else min(limits.max_x, GREATEST)
-    low, high = pack(np.array([least, greatest]), np.array([LEAST, GREATEST]))
+    least = LEAST_INDEX if limits.min_x is None else max(limits.min_x, LEAST_INDEX)
+    greatest = GREATEST_INDEX if limits.max_x is None else min(limits.max_x, GREATEST_INDEX)
+    low, high = pack(np.array([least, greatest]), np.array([LEAST_INDEX, GREATEST_INDEX]))
     first, last = (
         int(np.searchsorted(run.blocks, low)),
         int(np.searchsorted(run.blocks, high, side="right")),

@@ -29,12 +29,12 @@ from mlscli.maps.cells import Limits
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.blocks import PointBlocks
-from mlscli.pipeline.tilewise.tiles import EvaluatedTile, Tile, evaluate, surroundings
+from mlscli.pipeline.tilewise.tiles import EvaluatedTile, Tile, evaluate, points_around
 from mlscli.runtime.threads import in_turn
 from mlscli.version import __version__
 
 # Seconds in which a cluster without workers may get one, twice over.
-PATIENCE = 15
+PATIENCE_SECONDS = 15
 
 # Seconds until all machines must have told their versions: loading numba takes some.
 LOADED = 60
@@ -84,7 +84,7 @@ class Cluster:
         """Bytes that it takes here, at most, for each point of the largest tile."""
         return SENT * AHEAD * self.number
 
-    def evaluated(
+    def evaluate_all(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
     ) -> Iterator[EvaluatedTile]:
         """Yield the tiles evaluated, in their order.
@@ -97,7 +97,7 @@ class Cluster:
         pipeline = pipeline.reporting_to(Report())
         waiting: deque[tuple[Tile, Any]] = deque()
         for tile in tiles:
-            points = surroundings(pipeline, blocks, tile.limits)
+            points = points_around(pipeline, blocks, tile.limits)
             order = Order(pipeline, points, tile.limits, self._versions)
             with self._spoken_to():
                 waiting.append((tile, self._client.submit(carry_out, order, pure=False)))
@@ -131,7 +131,7 @@ class Cluster:
         """Wait until a task is done, but not for ever where nobody is to do it."""
         while True:
             try:
-                failure: BaseException | None = future.exception(timeout=PATIENCE)
+                failure: BaseException | None = future.exception(timeout=PATIENCE_SECONDS)
             except TimeoutError:
                 if not self._client.nthreads():
                     self._wait_for_workers()
@@ -140,11 +140,11 @@ class Cluster:
 
     def _wait_for_workers(self) -> None:
         try:
-            self._client.wait_for_workers(1, timeout=PATIENCE)
+            self._client.wait_for_workers(1, timeout=PATIENCE_SECONDS)
         except TimeoutError:
             raise ClusterError(
-                f"{self._name}: the cluster has no worker, and got none in {2 * PATIENCE} s; "
-                f"start some, such as: dask worker {self._name}"
+                f"{self._name}: the cluster has no worker, and got none in "
+                f"{2 * PATIENCE_SECONDS} s; start some, such as: dask worker {self._name}"
             ) from None
 
     def _check(self) -> None:

@@ -58,14 +58,14 @@ class Workers(Protocol):
     def memory_per_point(self) -> int:
         """Bytes that it takes here, at most, for each point of the largest tile."""
 
-    def evaluated(
+    def evaluate_all(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
     ) -> Iterator[EvaluatedTile]:
         """Yield the tiles evaluated, in their order."""
 
 
 # Tiles of fewer points are mostly margin; larger ones than those have hardly less of it in all.
-WORTHWHILE, COMFORTABLE = 50_000, 10**6
+WORTHWHILE_POINTS, COMFORTABLE_POINTS = 50_000, 10**6
 
 # Bytes of memory that it takes at most to evaluate a point.
 EVALUATED = 400
@@ -81,29 +81,29 @@ class Threads(NamedTuple):
         """Bytes that it takes here, at most, for each point of the largest tile."""
         return EVALUATED * self.number
 
-    def evaluated(
+    def evaluate_all(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
     ) -> Iterator[EvaluatedTile]:
         """Yield the tiles evaluated, in their order."""
 
         def call(limits: Limits) -> EvaluatedTile:
-            return evaluate(pipeline, surroundings(pipeline, blocks, limits), limits)
+            return evaluate(pipeline, points_around(pipeline, blocks, limits), limits)
 
         return in_turn((partial(call, tile.limits) for tile in tiles), self.number)
 
 
-def tiled(
+def map_in_tiles(
     pipeline: Pipeline, points: Points, workers: Workers, progress: Progress | None = None
 ) -> SurfaceMap:
     """Return the map of all points, but for the final stages, made by several workers."""
     blocks = PointBlocks(pipeline.cell_size)
     blocks.add(points)
     share = points.size // (2 * workers.number)
-    tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE, min(share, COMFORTABLE)))
-    return joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, workers, progress)))
+    tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE_POINTS, min(share, COMFORTABLE_POINTS)))
+    return join(pipeline.grid, list(evaluate_tiles(pipeline, blocks, tiles, workers, progress)))
 
 
-def in_tiles(
+def evaluate_tiles(
     pipeline: Pipeline,
     blocks: PointBlocks,
     tiles: Sequence[Tile],
@@ -123,7 +123,7 @@ def in_tiles(
     progress : callable, optional
         Called with ``tiles``, how many of them are done, and how many there are.
     """
-    evaluated = workers.evaluated(pipeline, blocks, tiles)
+    evaluated = workers.evaluate_all(pipeline, blocks, tiles)
     for number, (surface, report) in enumerate(evaluated, 1):
         if progress is not None:
             progress("tiles", number, len(tiles))
@@ -131,7 +131,7 @@ def in_tiles(
         yield surface
 
 
-def joined(grid: Grid, parts: Sequence[SurfaceMap]) -> SurfaceMap:
+def join(grid: Grid, parts: Sequence[SurfaceMap]) -> SurfaceMap:
     """Return the map of parts that share no cell."""
     columns = {
         name: np.concatenate([column, *(part.columns[name] for part in parts)])
@@ -142,7 +142,7 @@ def joined(grid: Grid, parts: Sequence[SurfaceMap]) -> SurfaceMap:
     return SurfaceMap.of(grid, columns).take(order)
 
 
-def surroundings(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Points:
+def points_around(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Points:
     """Return the points that can change the map within limits."""
     return blocks.extract(limits.widened(pipeline.reach))
 
@@ -154,7 +154,7 @@ def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTil
     ----------
     pipeline : Pipeline
     points : Points
-        The `surroundings`.
+        The `points_around`.
     limits : Limits
     """
     report = Report()
@@ -163,15 +163,15 @@ def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTil
     inside = _count(limits, *cells_of(points.xyz, cell_size))
     for filtering in pipeline.point_stages:
         margin -= filtering.reach(cell_size)
-        points = pipeline.filtered(filtering, points)
+        points = pipeline.run_point_stage(filtering, points)
         cells = cells_of(points.xyz, cell_size)
         points = points.take(limits.widened(margin).contain(*cells))
         before, inside = inside, _count(limits, *cells)
         report.drop(filtering.name, before - inside)
-    surface = pipeline.grouped(points)
+    surface = pipeline.group_points(points)
     for stage in pipeline.map_stages:
         margin -= stage.reach(cell_size) or 0
-        surface = pipeline.transformed(stage, surface).crop(*limits.widened(margin))
+        surface = pipeline.run_stage(stage, surface).crop(*limits.widened(margin))
         before, inside = inside, points_in(surface.crop(*limits))
         report.drop(stage.name, before - inside)
     return EvaluatedTile(surface.crop(*limits), report)

@@ -97,7 +97,7 @@ def test_a_broken_line_is_named_with_what_was_found(
     words: str,
     block: int,
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK", block)
+    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
     with pytest.raises(InputError, match=words) as error:
         read(tmp_path, content, columns)
     assert "\n" not in str(error.value)

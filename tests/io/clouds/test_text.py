@@ -106,7 +106,7 @@ def test_what_was_written_is_read_bit_for_bit(
     block: int,
     example: tuple[str, list[list[list[float]]]],
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK", block)
+    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
     content, expected = example
 
     clouds = read(tmp_path, content, "x,y,z,keyframe")
@@ -147,7 +147,7 @@ def test_a_byte_order_mark_is_no_part_of_the_first_number(tmp_path: Path) -> Non
 def test_blank_lines_end_a_keyframe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, gap: str, block: int
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK", block)
+    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
     clouds = clouds_of(tmp_path, f"{gap}1 2 3\n4 5 6\n{gap}7 8 9\n{gap}")
 
     assert clouds == [[[1, 2, 3], [4, 5, 6]], [[7, 8, 9]]]
@@ -173,7 +173,7 @@ def test_a_fourth_column_of_whole_numbers_is_the_keyframe(tmp_path: Path) -> Non
 def test_a_fourth_column_of_anything_else_is_not_used_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str, block: int
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK", block)
+    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
     cloud = TextCloud(text(tmp_path, f"1 0 0 9\n2 0 0 4\n3 0 0 {last}\n"))
 
     assert [c.points.tolist() for c in cloud.clouds()] == [[[1, 0, 0], [2, 0, 0], [3, 0, 0]]]

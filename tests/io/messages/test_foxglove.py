@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.registry import CLOUD_TYPES, MalformedCloudError, Part
+from mlscli.io.messages.registry import CLOUD_TYPES, CloudPart, MalformedCloudError
 from tests.helpers.foxglove import SPELLINGS, message
 from tests.helpers.ros import vector
 
@@ -45,7 +45,7 @@ def cloud(layout: str, rows: Sequence[tuple[float, ...]], **types: int) -> dict[
     }
 
 
-def decode(spelling: str, content: dict[str, Any], name: str = "PointCloud") -> Part:
+def decode(spelling: str, content: dict[str, Any], name: str = "PointCloud") -> CloudPart:
     sent = message(spelling, name, content)
     (part,) = CLOUD_TYPES[sent.channel.type](Deserializer().read(sent))
     return part

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.registry import CLOUD_TYPES, Part
+from mlscli.io.messages.registry import CLOUD_TYPES, CloudPart
 from tests.helpers.ros import ENCODINGS, header, serialized
 
 SCAN = "sensor_msgs/msg/LaserScan"
 
 
-def decode(encoding: str, **changes: Any) -> Part:
+def decode(encoding: str, **changes: Any) -> CloudPart:
     content = {
         "header": header(2, 250_000_000, "laser"),
         "angle_min": 0.0,

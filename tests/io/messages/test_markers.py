@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.registry import CLOUD_TYPES, Part
+from mlscli.io.messages.registry import CLOUD_TYPES, CloudPart
 from tests.helpers.ros import ENCODINGS, header, serialized, vector
 
 MARKER, ARRAY = "visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray"
@@ -34,7 +34,7 @@ def marker(type_: int, **changes: Any) -> dict[str, Any]:
     }
 
 
-def decode(encoding: str, *markers: dict[str, Any]) -> list[Part]:
+def decode(encoding: str, *markers: dict[str, Any]) -> list[CloudPart]:
     message = serialized(encoding, ARRAY, {"markers": list(markers)})
     parts = CLOUD_TYPES[ARRAY](Deserializer().read(message))
     if len(markers) == 1:

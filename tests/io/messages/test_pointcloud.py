@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.registry import CLOUD_TYPES, MalformedCloudError, Part
+from mlscli.io.messages.registry import CLOUD_TYPES, CloudPart, MalformedCloudError
 from tests.helpers.ros import ENCODINGS, STORES, header, serialized, vector
 
 POINT_CLOUD = "sensor_msgs/msg/PointCloud"
 POSE_ARRAY = "geometry_msgs/msg/PoseArray"
 
 
-def decode(encoding: str, type_: str, content: Any) -> Part:
+def decode(encoding: str, type_: str, content: Any) -> CloudPart:
     message = serialized(encoding, type_, content)
     (part,) = CLOUD_TYPES[type_](Deserializer().read(message))
     return part

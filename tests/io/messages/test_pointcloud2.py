@@ -18,14 +18,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.registry import CLOUD_TYPES, MalformedCloudError, Part
+from mlscli.io.messages.registry import CLOUD_TYPES, CloudPart, MalformedCloudError
 from tests.helpers.ros import ENCODINGS, header, serialized
 
 HEADER = SimpleNamespace(frame_id="map", stamp=SimpleNamespace(sec=5, nanosec=250_000_000))
 CODES = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
 
 
-def decode(message: object) -> Part:
+def decode(message: object) -> CloudPart:
     (part,) = CLOUD_TYPES["sensor_msgs/msg/PointCloud2"](message)
     return part
 

@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
-from mlscli.io.messages.registry import CLOUD_TYPES, Part
+from mlscli.io.messages.registry import CLOUD_TYPES, CloudPart
 from mlscli.io.source import StampedPoses
 
 
@@ -42,7 +42,7 @@ def decoded(messages: Iterator[Message]) -> list[Any]:
 
 
 def test_a_scan_is_the_same_in_both_versions_of_ros(shared_data: Path) -> None:
-    scans: list[list[Part]] = [
+    scans: list[list[CloudPart]] = [
         decoded(of_bag(shared_data / "bags" / name, "sensor_msgs/msg/LaserScan"))
         for name in ("ros1_jackal_scan_pose.bag", "ros2_jackal_scan_pose")
     ]

@@ -42,7 +42,7 @@ from mlscli.pipeline.tilewise import tiles as tilewise
 from mlscli.pipeline.tilewise.blocks import PointBlocks
 from mlscli.pipeline.tilewise.cluster import AHEAD, Cluster, Order, carry_out, versions
 from mlscli.pipeline.tilewise.connection import connected
-from mlscli.pipeline.tilewise.tiles import Threads, in_tiles, joined, tiles_of
+from mlscli.pipeline.tilewise.tiles import Threads, evaluate_tiles, join, tiles_of
 from tests.helpers.maps import CELL, random_points
 from tests.helpers.program import heed_interrupts, mls
 from tests.helpers.stages import Fatal, Hooked
@@ -101,7 +101,7 @@ def blocks_of(points: Points) -> PointBlocks:
 def test_a_cluster_makes_the_map_of_one_pass(
     monkeypatch: pytest.MonkeyPatch, workers: Cluster
 ) -> None:
-    monkeypatch.setattr(tilewise, "WORTHWHILE", 1)
+    monkeypatch.setattr(tilewise, "WORTHWHILE_POINTS", 1)
     told: list[tuple[str, int, int | None]] = []
     given = parameters(PIPELINES["regions last"])
     surfaces = []
@@ -132,10 +132,10 @@ def test_tiles_come_in_their_order_and_few_are_on_their_way(workers: Cluster) ->
     tiles = tiles_of(blocks, pipeline.reach, 0)
     assert workers.number == 2
     assert len(tiles) > 30
-    here = list(Threads(1).evaluated(pipeline, blocks, tiles))
+    here = list(Threads(1).evaluate_all(pipeline, blocks, tiles))
     taken.clear()
     for number, (there, expected) in enumerate(
-        zip(workers.evaluated(pipeline, blocks, tiles), here, strict=True), 1
+        zip(workers.evaluate_all(pipeline, blocks, tiles), here, strict=True), 1
     ):
         assert there.surface == expected.surface
         assert there.report.dropped == expected.report.dropped
@@ -153,7 +153,7 @@ def test_the_program_writes_the_same_file(address: str, expected: Path, tmp_path
 def test_a_cloud_larger_than_memory_goes_to_a_cluster_tile_by_tile(
     monkeypatch: pytest.MonkeyPatch, address: str, expected: Path, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(large, "COMFORTABLE", 1500)
+    monkeypatch.setattr(large, "COMFORTABLE_POINTS", 1500)
     recording = open_recording(SAMPLE)
     with build_large(recording, SAMPLED, 2**31, scratch=tmp_path, scheduler=address) as made:
         write_map(tmp_path / "large.npz", made.surface)
@@ -215,7 +215,7 @@ def test_a_scheduler_lost_at_work_is_told(monkeypatch: pytest.MonkeyPatch) -> No
         close = partial(brief.loop.add_callback, brief.scheduler.close)
         monkeypatch.setattr("tests.helpers.stages.called", [close])
         with pytest.raises(ClusterError, match=r"tcp://brief:1: the connection .* is lost: "):
-            list(workers.evaluated(pipeline, blocks, tiles_of(blocks, pipeline.reach, 400)))
+            list(workers.evaluate_all(pipeline, blocks, tiles_of(blocks, pipeline.reach, 400)))
 
 
 # --- what is refused ---
@@ -256,7 +256,7 @@ def test_where_no_scheduler_answers_it_says_so_soon(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_cluster_without_workers_is_not_waited_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    monkeypatch.setattr(cluster, "PATIENCE_SECONDS", 0.2)
     told = "the cluster has no worker"
     with (
         LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", silence_logs=50) as empty,
@@ -349,7 +349,7 @@ def test_a_worker_killed_at_its_work_loses_nothing(workers: Cluster, tmp_path: P
     pipeline = Pipeline(fatal, "map", Report())
     blocks = blocks_of(levels())
     tiles = tiles_of(blocks, pipeline.reach, 400)
-    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, workers)))
+    surface = join(pipeline.grid, list(evaluate_tiles(pipeline, blocks, tiles, workers)))
     assert list(tmp_path.iterdir()) == []
     assert surface == one_pass(levels(), GIVEN, final=False)
 
@@ -364,4 +364,4 @@ def test_a_tile_that_kills_every_worker_is_told(
     blocks = blocks_of(levels())
     (tile,) = tiles_of(blocks, pipeline.reach, 10**9)
     with pytest.raises(ClusterError, match="a tile of 3,000 points died, 1 in turn; give each"):
-        list(workers.evaluated(pipeline, blocks, [tile]))
+        list(workers.evaluate_all(pipeline, blocks, [tile]))

@@ -21,7 +21,7 @@ from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise import tiles as tilewise
 from mlscli.pipeline.tilewise.blocks import PointBlocks
-from mlscli.pipeline.tilewise.tiles import Threads, in_tiles, joined, tiles_of
+from mlscli.pipeline.tilewise.tiles import Threads, evaluate_tiles, join, tiles_of
 from tests.helpers.maps import CELL, random_points
 from tests.pipeline.test_growing import PIPELINES, one_pass, parameters
 
@@ -52,7 +52,7 @@ def test_tiles_of_any_size_make_the_map_of_one_pass(
     pipeline = Pipeline(parameters(PIPELINES[stages]), "map", Report())
     blocks = two_runs(points, shift)
     tiles = tiles_of(blocks, pipeline.reach, most)
-    surface = joined(pipeline.grid, list(in_tiles(pipeline, blocks, tiles, Threads(threads))))
+    surface = join(pipeline.grid, list(evaluate_tiles(pipeline, blocks, tiles, Threads(threads))))
     expected = one_pass(points, parameters(PIPELINES[stages]), final=False)
     assert surface == expected
     assert pipeline.report.dropped.total() == points.size - points_in(expected)
@@ -98,7 +98,7 @@ def test_points_are_had_by_area_from_however_many_runs() -> None:
 
 
 def test_a_builder_with_jobs_makes_the_same_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tilewise, "WORTHWHILE", 1)
+    monkeypatch.setattr(tilewise, "WORTHWHILE_POINTS", 1)
     points = random_points(np.random.default_rng(7), 3000)
     surfaces = []
     for jobs in (None, 1, 4):

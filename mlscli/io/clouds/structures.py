@@ -16,10 +16,10 @@ import numpy as np
 from mlscli.runtime.arrays import Array, Int64, UInt8
 from mlscli.runtime.kernels import kernel
 
-_BLOCK = 1 << 16
+_BLOCK_RECORDS = 1 << 16
 
 
-class Field(NamedTuple):
+class Member(NamedTuple):
     """A field of a record.
 
     Attributes
@@ -36,8 +36,8 @@ class Field(NamedTuple):
     length: str = ""
 
 
-class Records(NamedTuple):
-    """Records read.
+class Structures(NamedTuple):
+    """Structures read.
 
     Attributes
     ----------
@@ -62,15 +62,15 @@ def mapped(path: Path) -> UInt8:
     return np.memmap(path, dtype=np.uint8, mode="r")
 
 
-def read_records(
-    data: UInt8, fields: Sequence[Field], count: int, wanted: Sequence[int] = (), order: str = "<"
-) -> Records:
+def read_structures(
+    data: UInt8, fields: Sequence[Member], count: int, wanted: Sequence[int] = (), order: str = "<"
+) -> Structures:
     """Read up to `count` records, or as many as are whole.
 
     Parameters
     ----------
     data : uint8 (bytes,)
-    fields : sequence of Field
+    fields : sequence of Member
     count : int
         As the file declares it, of any size.
     wanted : sequence of int
@@ -107,15 +107,15 @@ def read_records(
             for place in wanted
         ]
     rest = data[end:] if came == count else data[:0]
-    return Records(came, columns, rest)
+    return Structures(came, columns, rest)
 
 
 def gather(data: UInt8, at: Int64, type_: str) -> Array:
     """Return the numbers that begin at these bytes, on whatever boundary."""
     numbers = np.empty(len(at), dtype=type_)
     across = np.arange(numbers.itemsize)
-    for begin in range(0, len(at), _BLOCK):
-        end = begin + _BLOCK
+    for begin in range(0, len(at), _BLOCK_RECORDS):
+        end = begin + _BLOCK_RECORDS
         numbers[begin:end] = data[at[begin:end, None] + across].view(numbers.dtype)[:, 0]
     return numbers
 

@@ -1,4 +1,4 @@
-"""Rows of numbers in a text, as many as a header declares."""
+"""NumberLines of numbers in a text, as many as a header declares."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Pick(Protocol):
         """Return the wanted ones."""
 
 
-class Rows(NamedTuple):
-    """Rows read.
+class NumberLines(NamedTuple):
+    """NumberLines read.
 
     Attributes
     ----------
@@ -39,15 +39,15 @@ class Rows(NamedTuple):
 
 
 @contextmanager
-def open_rows(path: Path, begin: int) -> Iterator[RowReader]:
+def open_lines(path: Path, begin: int) -> Iterator[LineReader]:
     """Open the rows of a text that follow its first `begin` bytes."""
     with path.open("rb") as file:
         file.seek(begin)
         with io.TextIOWrapper(file, "ascii", "replace") as text:
-            yield RowReader(text, path)
+            yield LineReader(text, path)
 
 
-class RowReader:
+class LineReader:
     """Reads rows in turn; blank lines and comments are none.
 
     Parameters
@@ -68,7 +68,7 @@ class RowReader:
         while count and (rows := self._take(count)):
             count -= len(rows)
 
-    def read(self, count: int, pick: Pick, width: int | None) -> Rows:
+    def read(self, count: int, pick: Pick, width: int | None) -> NumberLines:
         """Read up to `count` rows.
 
         Parameters
@@ -93,7 +93,7 @@ class RowReader:
                 row, found = fault
                 first_fault = f"the first is {came + row + 1:,}, found {found}"
             came += len(rows)
-        return Rows(np.concatenate(values) if values else np.empty((0, 0)), first_fault)
+        return NumberLines(np.concatenate(values) if values else np.empty((0, 0)), first_fault)
 
     def _take(self, count: int) -> list[str]:
         """Return the next rows, at most `count` and at most a block of them; none at the end."""
