@@ -20,7 +20,7 @@ from typing import NoReturn
 
 import click
 
-from mlscli.errors import ConfigError, MlsError, nearest
+from mlscli.errors import ConfigError, MlsError, nearest, with_options
 from mlscli.runtime.interrupts import when_safe
 from mlscli.runtime.notices import hear
 from mlscli.version import __version__
@@ -163,9 +163,9 @@ def _explain(error: BaseException) -> tuple[list[str], int]:
     """Return the lines to print, to follow the program's name, and the exit status."""
     match error:
         case ConfigError():
-            return [f": {fault}" for fault in error.faults], error.exit_status
+            return [f": {with_options(fault)}" for fault in error.faults], error.exit_status
         case MlsError():
-            return [f": {error}"], error.exit_status
+            return [f": {with_options(str(error))}"], error.exit_status
         case click.UsageError():
             path = error.ctx.command_path if error.ctx else "mls"
             message = " ".join(error.format_message().split()).rstrip(".")

@@ -2,11 +2,13 @@
 
 A message names the file, topic or key, what was found, and what would be right. A file that
 is missing, unreadable, broken or in the way ends with exit status 1; words that were typed
-wrong, in options or in a configuration, with 2.
+wrong, in options or in a configuration, with 2. Arguments of functions stand in backquotes, as in
+docstrings: `time_source`; on the command line they are options, --time-source.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 
@@ -46,6 +48,44 @@ class ConfigError(UsageError):
     def __init__(self, faults: Sequence[str]) -> None:
         super().__init__("\n".join(faults))
         self.faults = tuple(faults)
+
+
+_ARGUMENT = re.compile(r"`([a-z][a-z_]*)`")
+_OPTIONS = {"sets": "--set"}
+
+
+def with_options(message: str) -> str:
+    """Return a message with arguments named as on the command line: `time_source`, --time-source.
+
+    Parameters
+    ----------
+    message : str
+        Of an error, or a note.
+    """
+    return _ARGUMENT.sub(
+        lambda found: _OPTIONS.get(found[1], f"--{found[1].rstrip('_').replace('_', '-')}"), message
+    )
+
+
+def expect(value: object, kinds: type | tuple[type, ...], argument: str, expected: str) -> None:
+    """Refuse an argument of another type.
+
+    Parameters
+    ----------
+    value : object
+    kinds : type or tuple of types
+        Those allowed.
+    argument : str
+        What the caller calls it.
+    expected : str
+        What would be right, in words.
+
+    Raises
+    ------
+    TypeError
+    """
+    if not isinstance(value, kinds):
+        raise TypeError(f"`{argument}`: found {type(value).__name__}; expected {expected}")
 
 
 def one_line(words: object) -> str:

@@ -30,7 +30,7 @@ import click, signal, sys, time
 from pathlib import Path
 from mlscli import cli
 from mlscli.errors import *
-from mlscli.io.atomic import atomic_write
+from mlscli.io.writing.atomic import atomic_write
 
 @click.command()
 def command():

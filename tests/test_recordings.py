@@ -253,7 +253,7 @@ def found_up(path: Path, **options: Any) -> Float64:
     plain = next(iter(open_recording(path, **options).keyframes())).points[:50]
     recording = open_recording(path, up="auto", **options)
     turned = next(iter(recording.keyframes())).points[:50]
-    assert any(note.startswith("--up auto: up is") and "%" in note for note in recording.notes)
+    assert any(note.startswith("`up` auto: up is") and "%" in note for note in recording.notes)
     return np.asarray(np.linalg.lstsq(plain, turned[:, 2], rcond=None)[0])
 
 
@@ -298,7 +298,7 @@ def test_two_axes_that_are_supported_alike_are_an_error_that_names_both(tmp_path
     cube = tmp_path / "cube.xyz"
     np.savetxt(cube, np.concatenate(sides))
 
-    with pytest.raises(InputError, match=r"two axes .* expected --up .*(x|y|z) or --up .*(x|y|z)"):
+    with pytest.raises(InputError, match=r"two axes .* expected `up` .*(x|y|z) or `up` .*(x|y|z)"):
         open_recording(cube, up="auto")
 
 
@@ -329,7 +329,7 @@ FILES = [
     Given("sparse/opensfm_berlin", 1_430),
     Given("sparse/opensfm_berlin/reconstruction.json", 1_430),
     Given("sparse/stella_map_small.msg", "binary data of no known format; can be read: ROS 1 bags"),
-    Given("bags/ros1_luminar_pc2_lz4.bag", "of which --topic picks one: /base_scan"),
+    Given("bags/ros1_luminar_pc2_lz4.bag", "of which `topic` picks one: /base_scan"),
     Given(
         "bags/ros1_luminar_pc2_lz4.bag",
         "180,822 no transform at their time",
@@ -340,9 +340,9 @@ FILES = [
         150_000,
         {"topic": "/luminar_pointcloud", "frame": "luminar_lidar"},
     ),
-    Given("bags/ros1_ouster_in_mcap_zstd.mcap", "--frame os1_sensor says so"),
+    Given("bags/ros1_ouster_in_mcap_zstd.mcap", "`frame` os1_sensor says so"),
     Given("bags/ros1_ouster_in_mcap_zstd.mcap", 80_000, {"frame": "os1_sensor"}),
-    Given("bags/ros1_jackal_scan_pose.bag", f"--pose-topic {JACKAL_POSES} moves them"),
+    Given("bags/ros1_jackal_scan_pose.bag", f"`pose_topic` {JACKAL_POSES} moves them"),
     Given("bags/ros1_jackal_scan_pose.bag", 20_000, {"pose_topic": JACKAL_POSES}),
     Given("bags/ros2_jackal_scan_pose", 20_000, {"pose_topic": JACKAL_POSES}),
     Given("bags/ros1_tilt_laser_tf.bag", 118_000),
@@ -372,7 +372,7 @@ FILES = [
     Given("hard/pcd_padded_underscore_viewpoint.pcd", 1_000),
     Given("hard/pcd_width0_height0.pcd", 1_000),
     Given("hard/pcd_zero_points.pcd", "holds no points"),
-    Given("hard/ros1_unindexed.bag", "--frame base_laser says so"),
+    Given("hard/ros1_unindexed.bag", "`frame` base_laser says so"),
     Given("hard/ros1_unindexed.bag", 10_000, {"frame": "base_laser"}, told="index"),
     Given("hard/vio_outliers_1e33.pcd", 3_000),
 ]

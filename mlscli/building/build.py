@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from mlscli.building.builder import Follower, MapBuilder, check_workers
 from mlscli.building.cell_size import auto_cell_size
-from mlscli.errors import InputError
+from mlscli.errors import InputError, expect
+from mlscli.io.reading.recording import Recording, open_recording
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
@@ -18,9 +20,7 @@ from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.cluster import Cluster
 from mlscli.pipeline.tilewise.connection import connected
-
-if TYPE_CHECKING:
-    from mlscli.io.reading.recording import Recording
+from mlscli.runtime.arrays import Array
 
 
 class Build(NamedTuple):
@@ -31,7 +31,7 @@ class Build(NamedTuple):
 
 
 def build(
-    recording: Recording,
+    source: Recording | str | os.PathLike[str] | Array,
     parameters: Parameters | None = None,
     progress: Progress | None = None,
     follow: Follower | None = None,
@@ -42,8 +42,8 @@ def build(
 
     Parameters
     ----------
-    recording : Recording
-        From `mlscli.open_recording`.
+    source : Recording, path, or array (N, 3)
+        From `mlscli.open_recording`, which has options; a path or points are opened without any.
     parameters : Parameters, optional
         The defaults where none are given.
     progress : callable, optional
@@ -63,16 +63,19 @@ def build(
 
     Raises
     ------
+    TypeError
+        It is none of these.
     MlsError
         Where the recording cannot be read, the parameters do not go together, or nothing is left.
     """
     parameters = Parameters() if parameters is None else parameters
-    followed = "" if follow is None else "follow"
+    followed = "" if follow is None else "`follow`"
     check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, followed)
     if isinstance(scheduler, str):
         # Whether it answers shows before anything is read.
         with connected(scheduler) as cluster:
-            return build(recording, parameters, progress, follow, jobs, cluster)
+            return build(source, parameters, progress, follow, jobs, cluster)
+    recording = _opened(source)
     reading = Report()
     held: Iterator[Keyframe] | None = None
     if parameters.map.cell_size == "auto":
@@ -99,6 +102,12 @@ def build(
     return Build(surface, builder.report)
 
 
+def _opened(source: Recording | str | os.PathLike[str] | Array) -> Recording:
+    expected = "a recording, the path of one, or points as an array (N, 3)"
+    expect(source, (Recording, str, os.PathLike, np.ndarray), "source", expected)
+    return source if isinstance(source, Recording) else open_recording(source)
+
+
 def _cell_size_of(
     keyframes: Collection[Keyframe], report: Report, progress: Progress | None
 ) -> float:
@@ -110,8 +119,19 @@ def _cell_size_of(
         )
 
 
+class TakesKeyframes(Protocol):
+    """What makes a map of the keyframes that it is given."""
+
+    @property
+    def report(self) -> Report:
+        """The account of them."""
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Take a keyframe."""
+
+
 def feed(
-    builder: MapBuilder,
+    builder: TakesKeyframes,
     recording: Recording,
     progress: Progress | None = None,
     held: Iterable[Keyframe] | None = None,
@@ -149,12 +169,29 @@ def emptied(recording: Recording, report: Report) -> str:
 
 
 def build_map(
-    recording: Recording,
+    source: Recording | str | os.PathLike[str] | Array,
     parameters: Parameters | None = None,
     progress: Progress | None = None,
     follow: Follower | None = None,
     jobs: int | None = None,
     scheduler: str | Cluster | None = None,
 ) -> SurfaceMap:
-    """Build the map of a recording; as `build`, without the account."""
-    return build(recording, parameters, progress, follow, jobs, scheduler).surface
+    """Build the map of a recording, a path or points; as `build`, without the account.
+
+    Parameters
+    ----------
+    source, parameters, progress, follow, jobs, scheduler
+        As for `build`.
+
+    Returns
+    -------
+    SurfaceMap
+
+    Examples
+    --------
+    >>> import mlscli
+    >>> import numpy as np
+    >>> points = np.random.default_rng(1).uniform(0, 4, (2000, 3)) * (1, 1, 0.1)
+    >>> surface = mlscli.build_map(points)
+    """
+    return build(source, parameters, progress, follow, jobs, scheduler).surface

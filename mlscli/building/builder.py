@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from mlscli.building.batching import BatchGatherer
 from mlscli.errors import UsageError
-from mlscli.keyframes.batches import Points, gather
+from mlscli.keyframes.batches import gather
 from mlscli.keyframes.keyframe import Keyframe
-from mlscli.maps.cells import on_grid
 from mlscli.maps.change import Change, points_in
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
@@ -30,8 +30,6 @@ from mlscli.runtime.arrays import Float64
 from mlscli.version import __version__
 
 Follower = Callable[[Change], None]
-
-BEYOND_GRID = "cell index beyond int32"
 
 
 class MapBuilder:
@@ -71,7 +69,8 @@ class MapBuilder:
 
     Examples
     --------
-    >>>     >>> builder = mlscli.MapBuilder(mlscli.Parameters().with_cell_size(0.2))
+    >>> import mlscli
+    >>> builder = mlscli.MapBuilder(mlscli.Parameters().with_cell_size(0.2))
     >>> change = builder.process_cloud([[0.1, 0.1, 1.0], [0.1, 0.1, 1.1]])
     >>> surface = builder.finish()
     """
@@ -88,7 +87,7 @@ class MapBuilder:
         jobs: int | None = None,
         cluster: Cluster | None = None,
     ) -> None:
-        followed = "" if follow is None else "follow"
+        followed = "" if follow is None else "`follow`"
         check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
         self.parameters = parameters
         self.report = Report()
@@ -98,19 +97,16 @@ class MapBuilder:
         self._follow = follow
         self._workers: Workers | None = cluster or (None if jobs is None else Threads(jobs))
         self._pipeline = Pipeline(parameters, frame_id, self.report)
-        self._waiting: list[Keyframe] = []
-        self._waiting_points = 0
-        self._keyframes = 0
-        self._routes: list[Float64] = [np.empty((0, 4))]
-        self._routes_told = 0
-        self._batches: list[Points] = []
+        self._gatherer = BatchGatherer(
+            parameters.batch.min_points, self._pipeline.cell_size, self.report
+        )
         self._growing: GrowingMap | None = None
         self._finished: SurfaceMap | None = None
 
     def add(self, keyframe: Keyframe) -> None:
         """Take a keyframe; a batch is processed once it has `batch.min_points` points."""
-        self._wait(keyframe)
-        if self._waiting_points >= self.parameters.batch.min_points:
+        self._require_unfinished()
+        if self._gatherer.add(keyframe):
             self._process_waiting()
 
     def process_cloud(self, points: Float64) -> Change:
@@ -128,8 +124,9 @@ class MapBuilder:
             self.report.points_read += int(np.count_nonzero(~rows))
             self.report.drop("not finite", int(np.count_nonzero(~rows)))
             cloud = cloud[rows]
-        self._wait(Keyframe(cloud))
-        self._gather()
+        self._require_unfinished()
+        self._gatherer.add(Keyframe(cloud))
+        self._gatherer.close()
         return self._grow()
 
     @property
@@ -148,7 +145,7 @@ class MapBuilder:
         It takes no more points then, for it may have let go of those that it had.
         """
         if self._finished is None:
-            if self._waiting:
+            if self._gatherer.has_waiting:
                 self._process_waiting()
             surface = self._at_once() if self._growing is None else self._up_to_date()
             self._finished = self._described(
@@ -156,41 +153,23 @@ class MapBuilder:
             )
         return self._finished
 
-    def _wait(self, keyframe: Keyframe) -> None:
+    def _require_unfinished(self) -> None:
         if self._finished is not None:
             raise UsageError("the map is finished and takes no more points; make a new MapBuilder")
-        self._waiting.append(keyframe)
-        self._waiting_points += len(keyframe.points)
-        self.report.points_read += len(keyframe.points)
 
     def _process_waiting(self) -> None:
-        self._gather()
+        self._gatherer.close()
         if self._follow is not None or self.parameters.mode == "sequential":
             self._grow()
-
-    def _gather(self) -> None:
-        """Make a batch of the keyframes that wait."""
-        batch = gather(self._waiting, self._keyframes)
-        self._keyframes += len(self._waiting)
-        self._waiting, self._waiting_points = [], 0
-        self._routes.append(batch.route)
-        self.report.batches += 1
-        inside = on_grid(batch.points.xyz, self._pipeline.cell_size)
-        points = batch.points
-        if not inside.all():
-            self.report.drop(BEYOND_GRID, int(np.count_nonzero(~inside)))
-            points = points.take(inside)
-        self._batches.append(points)
 
     def _grow(self) -> Change:
         """Bring the map up to date with the batches that it has not seen."""
         growing = self._growing_map()
         begin = time.perf_counter()
-        change = growing.grow(self._unseen())
+        change = growing.grow(self._gatherer.take_points())
         slowest = self.report.slowest_batch or 0.0
         self.report.slowest_batch = max(slowest, time.perf_counter() - begin)
-        change = replace(change, route=np.concatenate(self._routes[self._routes_told :]))
-        self._routes_told = len(self._routes)
+        change = replace(change, route=self._gatherer.take_route())
         if self._follow is not None:
             self._follow(change)
         return change
@@ -199,63 +178,74 @@ class MapBuilder:
         """Return the map that one pass makes of all points, by those who are to make it."""
         pipeline, progress = self._pipeline, self._progress
         if self._workers is not None:
-            return map_in_tiles(pipeline, self._unseen(), self._workers, progress)
+            return map_in_tiles(pipeline, self._gatherer.take_points(), self._workers, progress)
         # Nothing here keeps the points: they are let go as soon as they are filtered.
-        return pipeline.run_map_stages(
-            pipeline.filter_and_group(self._unseen(), progress), progress
-        )
-
-    def _seed(self) -> GrowingMap:
-        """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
-        kind = SequentialMap if self.parameters.mode == "sequential" else ConsistentMap
-        trial = Pipeline(self.parameters, self._pipeline.grid.frame_id, Report())
-        # Two points: a column of one is laid out otherwise, for which kernels would be made anew.
-        kind(trial).grow(gather([Keyframe(np.zeros((2, 3)))]).points)
-        return kind(self._pipeline)
+        measured = pipeline.filter_and_group(self._gatherer.take_points(), progress)
+        return pipeline.run_map_stages(measured, progress)
 
     def _up_to_date(self) -> SurfaceMap:
-        if self._batches:
+        if self._gatherer.has_points:
             self._grow()
         return self._growing_map().whole()
 
     def _growing_map(self) -> GrowingMap:
         if self._growing is None:
-            self._growing = self._seed()
+            self._growing = growing_map(self._pipeline)
         return self._growing
-
-    def _unseen(self) -> Points:
-        """Return the points of the batches that the map has not seen, which are so no more."""
-        if len(self._batches) == 1:
-            return self._batches.pop()
-        size = sum(batch.size for batch in self._batches)
-        points = Points(np.empty((size, 3)), np.empty(size, dtype=np.int32))
-        while self._batches:
-            # From behind, each let go when it is copied: no more is held twice.
-            batch = self._batches.pop()
-            points.xyz[size - batch.size : size] = batch.xyz
-            points.keyframe[size - batch.size : size] = batch.keyframe
-            size -= batch.size
-        return points
 
     def _described(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the route, and with what its meta says of it."""
-        meta = self._meta(points_in(surface))
-        return replace(surface, route=np.concatenate(self._routes), meta=meta)
+        meta = map_meta(
+            self.parameters, self.report, self._sources, self._reading, self._gatherer.keyframes,
+            points_in(surface),
+        )  # fmt: skip
+        return replace(surface, route=self._gatherer.route, meta=meta)
 
-    def _meta(self, kept: int) -> dict[str, Any]:
-        return {
-            "program": f"mls {__version__}",
-            "sources": self._sources,
-            "reading": self._reading,
-            "parameters": to_dict(self.parameters),
-            "points": {
-                "read": self.report.points_read,
-                "dropped": dict(sorted(self.report.dropped.items())),
-                "kept": kept,
-            },
-            "keyframes": self._keyframes,
-            "batches": self.report.batches,
-        }
+
+def growing_map(pipeline: Pipeline) -> GrowingMap:
+    """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
+    kind = SequentialMap if pipeline.parameters.mode == "sequential" else ConsistentMap
+    trial = pipeline.reporting_to(Report())
+    # Two points: a column of one is laid out otherwise, for which kernels would be made anew.
+    kind(trial).grow(gather([Keyframe(np.zeros((2, 3)))]).points)
+    return kind(pipeline)
+
+
+def map_meta(
+    parameters: Parameters,
+    report: Report,
+    sources: Sequence[str],
+    reading: Mapping[str, Any],
+    keyframes: int,
+    kept: int,
+) -> dict[str, Any]:
+    """Return what a map's meta says of how it was made, ready for JSON.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    report : Report
+        Of the finished build.
+    sources : sequence of str
+    reading : mapping
+        How the sources were read.
+    keyframes : int
+    kept : int
+        Measured points in the map.
+    """
+    return {
+        "program": f"mls {__version__}",
+        "sources": list(sources),
+        "reading": dict(reading),
+        "parameters": to_dict(parameters),
+        "points": {
+            "read": report.points_read,
+            "dropped": dict(sorted(report.dropped.items())),
+            "kept": kept,
+        },
+        "keyframes": keyframes,
+        "batches": report.batches,
+    }
 
 
 def check_workers(parameters: Parameters, workers: Mapping[str, object], followed: str) -> None:
@@ -265,7 +255,7 @@ def check_workers(parameters: Parameters, workers: Mapping[str, object], followe
     ----------
     parameters : Parameters
     workers : mapping
-        By what the user calls them, of which only one can do the work; None: not asked for.
+        By their arguments' names, of which only one can do the work; None: not asked for.
     followed : str
         What the user calls that for which the map grows; empty: nothing.
 
@@ -277,12 +267,12 @@ def check_workers(parameters: Parameters, workers: Mapping[str, object], followe
     for name in names:
         if parameters.mode == "sequential":
             raise UsageError(
-                f"{name}: a sequential map is made batch by batch; set mode=consistent"
+                f"`{name}`: a sequential map is made batch by batch; set mode=consistent"
             )
         if followed:
-            raise UsageError(f"{name}: does not go with {followed}; leave one of them out")
+            raise UsageError(f"`{name}`: does not go with {followed}; leave one of them out")
     if len(names) > 1:
         raise UsageError(
-            f"{names[0]}: does not go with {names[1]}, whose workers have threads of their own; "
-            "leave one of them out"
+            f"`{names[0]}`: does not go with `{names[1]}`, whose workers have threads of their "
+            "own; leave one of them out"
         )

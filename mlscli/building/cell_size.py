@@ -51,6 +51,6 @@ def auto_cell_size(xyz: Float64, progress: Callable[[int], None] | None = None) 
     if not size > 0:
         raise InputError(
             f"cell_size: auto finds that most points coincide with {NEIGHBOUR} others; if each "
-            "message repeats the whole cloud, say --cumulative, else set map.cell_size to a number"
+            "message repeats the whole cloud, say `cumulative`, else set map.cell_size to a number"
         )
     return size

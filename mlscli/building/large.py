@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mlscli.building.batching import BatchGatherer
 from mlscli.building.build import emptied, feed
-from mlscli.building.builder import MapBuilder, check_workers
+from mlscli.building.builder import check_workers, growing_map, map_meta
 from mlscli.errors import InputError, UsageError
+from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import points_in
 from mlscli.maps.grid import Grid
 from mlscli.maps.patches import runs
@@ -27,7 +29,7 @@ from mlscli.maps.records import records_of, surface_of
 from mlscli.maps.stored_map import StoredMap
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
-from mlscli.pipeline.pipeline import Progress
+from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.blocks import PointBlocks
 from mlscli.pipeline.tilewise.connection import connected, refuse_local
@@ -105,13 +107,13 @@ def build_large(
     refuse_local(scheduler)
     if parameters.map.cell_size == "auto":
         raise UsageError(
-            "--memory: needs a number for map.cell_size; auto looks at the whole recording at once"
+            "`memory`: needs a number for map.cell_size; auto looks at the whole recording at once"
         )
     if parameters.mode == "sequential":
         raise UsageError(
-            "--memory: a sequential map is made batch by batch, in memory; set mode=consistent"
+            "`memory`: a sequential map is made batch by batch, in memory; set mode=consistent"
         )
-    check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, "")
+    check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, "")
     with ExitStack() as stack:
         workers: Workers = Threads(jobs or processors())
         if scheduler is not None:
@@ -119,14 +121,27 @@ def build_large(
         disk = stack.enter_context(Scratch(scratch))
         builder = _LargeMapBuilder(recording, parameters, memory, disk, workers, progress)
         feed(builder, recording, progress)
-        surface = builder.finish_on_disk()
+        surface = builder.finish()
         if not surface.size:
             raise InputError(emptied(recording, builder.report))
         yield LargeBuild(surface, builder.report)
 
 
-class _LargeMapBuilder(MapBuilder):
-    """Keeps the points and the map on disk; it ends with `finish_on_disk`, not `finish`."""
+class _LargeMapBuilder:
+    """Gathers keyframes into batches, and keeps their points and the map on disk.
+
+    Parameters
+    ----------
+    recording : Recording
+    parameters : Parameters
+    memory : int
+        Bytes that the program may take.
+    disk : Scratch
+    workers : Workers
+        Evaluate the tiles.
+    progress : callable, optional
+        As for `build`.
+    """
 
     def __init__(
         self,
@@ -137,34 +152,63 @@ class _LargeMapBuilder(MapBuilder):
         workers: Workers,
         progress: Progress | None = None,
     ) -> None:
-        super().__init__(
-            parameters,
-            recording.frame_id,
-            sources=recording.sources,
-            reading=recording.options,
-            progress=progress,
-        )
+        self.report = Report()
+        self._recording = recording
+        self._parameters = parameters
+        self._memory = memory
         self._disk = disk
-        self._evaluators = workers
+        self._workers = workers
+        self._progress = progress
+        self._pipeline = Pipeline(parameters, recording.frame_id, self.report)
+        self._gatherer = BatchGatherer(
+            parameters.batch.min_points, self._pipeline.cell_size, self.report
+        )
         self._blocks = PointBlocks(self._pipeline.cell_size, disk.put)
         self._held = 0
         # What the program takes by itself, its kernels loaded, is no room for points.
-        self._seed()
+        growing_map(self._pipeline)
         self._room = memory - resident()
         if self._room < LEAST_BYTES:
             raise too_little(memory, memory - self._room + LEAST_BYTES)
-        self._memory = memory
+
+    def add(self, keyframe: Keyframe) -> None:
+        """Take a keyframe; batches are put on disk once they fill half of the memory."""
+        if self._gatherer.add(keyframe):
+            self._process_waiting()
+
+    def finish(self) -> StoredMap:
+        """Process what waits, and return the map of all points."""
+        if self._gatherer.has_waiting:
+            self._process_waiting()
+        self._put_away()
+        pipeline = self._pipeline
+        tiles = evaluate_tiles(pipeline, self._blocks, self._tiles(), self._workers, self._progress)
+        parts = [_PatchesByX.of(surface, self._disk) for surface in tiles]
+        bands = _bands(parts, pipeline.grid, self._room // 2 // ORDERED)
+        if pipeline.final_stages:
+            bands = iter([self._finished(parts, bands)])
+        surface = StoredMap(pipeline.grid, [])
+        kept = 0
+        with self.report.timed("writing"):
+            for band in bands:
+                surface.put(band, self._disk)
+                kept += points_in(band)
+        meta = map_meta(
+            self._parameters, self.report, self._recording.sources, self._recording.options,
+            self._gatherer.keyframes, kept,
+        )  # fmt: skip
+        return replace(surface, route=self._gatherer.route, meta=meta)
 
     def _process_waiting(self) -> None:
-        self._gather()
-        self._held += self._batches[-1].size
+        self._held += self._gatherer.close()
         if self._held * SORTED > self._left // 2:
             self._put_away()
 
     def _put_away(self) -> None:
+        """Put the points of all batches on disk."""
         self._held = 0
         with self.report.timed("sorting"):
-            self._blocks.add(self._unseen())
+            self._blocks.add(self._gatherer.take_points())
         if self._left < LEAST_BYTES:
             least = self._memory - self._left + LEAST_BYTES
             what = f"the points lie in {self._blocks.entries:,} blocks, which have to be listed"
@@ -175,48 +219,28 @@ class _LargeMapBuilder(MapBuilder):
         """Bytes that there is room for besides the list of where points lie."""
         return self._room - self._blocks.entries * INDEXED
 
-    def finish_on_disk(self) -> StoredMap:
-        """Process what waits, and return the map of all points."""
-        if self._waiting:
-            self._process_waiting()
-        self._put_away()
-        tiles = self._tiles()
-        pipeline = self._pipeline
-        parts = [
-            _PatchesByX.of(surface, self._disk)
-            for surface in evaluate_tiles(
-                pipeline, self._blocks, tiles, self._evaluators, self._progress
-            )
-        ]
-        bands = _bands(parts, pipeline.grid, self._room // 2 // ORDERED)
-        if pipeline.final_stages:
-            patches = sum(int(part.start[-1]) for part in parts)
-            if patches * FINISHED > self._room:
-                least = self._memory - self._room + patches * FINISHED
-                what = f"{pipeline.final_stages[0].name} needs the whole map, {patches:,} patches"
-                raise too_little(self._memory, least, what)
-            bands = iter(
-                [pipeline.run_final_stages(join(pipeline.grid, list(bands)), self._progress)]
-            )
-        surface = StoredMap(pipeline.grid, [])
-        kept = 0
-        with self.report.timed("writing"):
-            for band in bands:
-                surface.put(band, self._disk)
-                kept += points_in(band)
-        return replace(surface, route=np.concatenate(self._routes), meta=self._meta(kept))
-
     def _tiles(self) -> list[Tile]:
-        most = self._left // self._evaluators.memory_per_point
+        """Divide the plane into tiles that memory has room for."""
+        most = self._left // self._workers.memory_per_point
         tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE_POINTS))
         crowd = max(tile.points for tile in tiles)
         if crowd > most:
-            least = self._memory - self._left + crowd * self._evaluators.memory_per_point
+            least = self._memory - self._left + crowd * self._workers.memory_per_point
             what = (
                 f"{2**self._blocks.shift} cells square and their surroundings hold {crowd:,} points"
             )
             raise too_little(self._memory, least, what)
         return tiles
+
+    def _finished(self, parts: list[_PatchesByX], bands: Iterator[SurfaceMap]) -> SurfaceMap:
+        """Run the stages that need the whole map, where memory has room for it."""
+        pipeline = self._pipeline
+        patches = sum(int(part.start[-1]) for part in parts)
+        if patches * FINISHED > self._room:
+            least = self._memory - self._room + patches * FINISHED
+            what = f"{pipeline.final_stages[0].name} needs the whole map, {patches:,} patches"
+            raise too_little(self._memory, least, what)
+        return pipeline.run_final_stages(join(pipeline.grid, list(bands)), self._progress)
 
 
 class _PatchesByX(NamedTuple):
@@ -253,7 +277,7 @@ def too_little(memory: int, least: int, why: str = "") -> UsageError:
     needed = -(-least // 2**20)
     because = f": {why}" if why else ""
     return UsageError(
-        f"--memory: {memory // 2**20}M is too little{because}; give at least {needed}M"
+        f"`memory`: {memory // 2**20}M is too little{because}; give at least {needed}M"
     )
 
 

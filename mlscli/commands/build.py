@@ -193,8 +193,8 @@ def _check_together(
     from mlscli.building.builder import check_workers
 
     growing = "--growing or --replay" if followed else ""
-    check_workers(parameters, {"--jobs": jobs, "--scheduler": scheduler}, growing)
-    check_workers(parameters, {"--memory": memory}, growing)
+    check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, growing)
+    check_workers(parameters, {"memory": memory}, growing)
     if scheduler is not None:
         from mlscli.pipeline.tilewise.connection import check_address, refuse_local
 

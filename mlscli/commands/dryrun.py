@@ -11,6 +11,7 @@ import click
 
 from mlscli.commands import report
 from mlscli.commands.options import PARTLY_READ, say
+from mlscli.errors import with_options
 
 if TYPE_CHECKING:
     from mlscli.building.builder import Follower
@@ -31,6 +32,7 @@ def tell(
 
     estimate = estimate_build(*sources, parameters=parameters, follow=follow, **selection)
     account = {"map": target, "mode": parameters.mode, **asdict(estimate)}
+    account["notes"] = [with_options(note) for note in estimate.notes]
     for note in estimate.notes:
         say(f"mls: {note}")
     for loss in estimate.lost:

@@ -89,7 +89,7 @@ def _of_recording(path: str, columns: str | None, up: str) -> dict[str, Any]:
 def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
     """Describe a cloud, its levels in cells of the size that `auto` gives."""
     from mlscli.building.build import build
-    from mlscli.errors import InputError
+    from mlscli.errors import InputError, with_options
     from mlscli.io.reading.recording import open_recording
     from mlscli.maps.summary import describe
     from mlscli.pipeline.parameters import Parameters
@@ -98,13 +98,13 @@ def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
     keyframes = list(recording.keyframes())
     lows = [keyframe.points.min(axis=0) for keyframe in keyframes if len(keyframe.points)]
     highs = [keyframe.points.max(axis=0) for keyframe in keyframes if len(keyframe.points)]
-    notes = list(recording.notes)
+    notes = [with_options(note) for note in recording.notes]
     try:
         description = describe(build(recording, Parameters(pipeline=())).surface)
     except InputError as error:
         # Of two points there are extents, but no size that cells should have.
         description = {"cell_size": None, "levels": {}}
-        notes.append(f"levels cannot be told: {error}")
+        notes.append(f"levels cannot be told: {with_options(str(error))}")
     return {
         "points": recording.tally.points_read,
         "dropped": recording.tally.dropped,

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 import click
 
+from mlscli.errors import with_options
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 PARTLY_READ = 3
@@ -70,4 +72,4 @@ as_json = click.option("--json", "as_json", is_flag=True, help="Print the result
 
 def say(message: str) -> None:
     """Tell the user something that is no result, on standard error."""
-    click.echo(message, err=True)
+    click.echo(with_options(message), err=True)

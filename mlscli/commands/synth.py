@@ -12,7 +12,7 @@ import click
 from mlscli.commands import report
 from mlscli.commands.options import as_json, overwrite
 from mlscli.commands.reading import Numbers
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, with_options
 
 if TYPE_CHECKING:
     from mlscli.scenes.flight import Flight
@@ -189,7 +189,9 @@ def _scenes(as_json: bool) -> str:
     for preset in SCENE_PRESETS:
         dimension = preset.dimension
         what = f" (--add-param {dimension.default:g}: {dimension.what})" if dimension else ""
-        lines.append((f"{preset.number or '':>1} {preset.name}", preset.summary + what))
+        lines.append(
+            (f"{preset.number or '':>1} {preset.name}", with_options(preset.summary) + what)
+        )
     return report.lines(lines)
 
 

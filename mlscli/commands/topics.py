@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mlscli.errors import with_options
+
 if TYPE_CHECKING:
     from mlscli.geometry.transforms import TransformTree
     from mlscli.io.source import Source, Topic
@@ -19,12 +21,12 @@ def describe(source: Source) -> dict[str, Any]:
 
     glance = Glance(seconds=_LOOK_SECONDS)
     tree = told_tree([glance.of(source)])
-    notes = list(source.notes)
+    notes = [with_options(note) for note in source.notes]
     if glance.poses_cut:
         notes.append(
             f"frames and what leads to them: by the transforms read in {_LOOK_SECONDS:g} s"
         )
-    reasons = why_not_mapped(source, tree)
+    reasons = map(with_options, why_not_mapped(source, tree))
     return {
         "topics": [
             {

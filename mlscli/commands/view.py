@@ -53,7 +53,11 @@ def command(
     if window:
         from mlscli.view.window import show
 
-        show(surface, map_file.name)
+        try:
+            show(surface, map_file.name)
+        except OutputError as error:
+            instead = "leave out --window to see the map in the browser"
+            raise OutputError(f"--window: {error}; {instead}") from error
         return
 
     from mlscli.view.page import write_page

@@ -121,7 +121,7 @@ class Draft:
 
     def set(self, setting: str) -> None:
         """Take a setting ``stage.param=value``, over what the document says."""
-        place = Place(f"--set {shorten(setting, 80)}")
+        place = Place(f"`sets` {shorten(setting, 80)}")
         path, equals, text = setting.partition("=")
         path = path.strip()
         if not path:

@@ -60,7 +60,7 @@ class Up:
     def summary(self) -> str:
         """What the user should know."""
         return (
-            f"--up auto: up is {describe(self.axis)}, supported by {self.support:.0%} of the "
+            f"`up` auto: up is {describe(self.axis)}, supported by {self.support:.0%} of the "
             f"points with flat surroundings ({self.level:.0%} level, {self.plumb:.0%} upright); "
             f"{self.why}"
         )

@@ -100,7 +100,7 @@ def _surfaces(points: Float64) -> Planes:
             break
     if best is None or most < _FEWEST:
         raise InputError(
-            f"--up auto: found {most:.0f} points with flat surroundings among {len(points):,}, "
+            f"`up` auto: found {most:.0f} points with flat surroundings among {len(points):,}, "
             f"expected at least {_FEWEST:.0f}; say which axis points up: {', '.join(UP_AXES)}"
         )
     return best
@@ -112,8 +112,8 @@ def _undecided(surfaces: Planes, *axes: Float64) -> str:
         "surroundings"
         for axis in axes
     )
-    choice = " or ".join(f"--up {nearest_axis(axis)[0]}" for axis in axes)
-    return f"--up auto: two axes are supported about equally, {supported}; expected {choice}"
+    choice = " or ".join(f"`up` {nearest_axis(axis)[0]}" for axis in axes)
+    return f"`up` auto: two axes are supported about equally, {supported}; expected {choice}"
 
 
 def _half_sphere(count: int) -> Float64:

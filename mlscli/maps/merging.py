@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from mlscli.errors import expect
 from mlscli.maps.cells import pack
 from mlscli.maps.grid import Grid
-from mlscli.maps.patches import distance, within_gap
+from mlscli.maps.order import comes_later
+from mlscli.maps.patches import begins_group, distance, shape_of, within_gap
 from mlscli.maps.records import columns_of, records_of
 from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.runtime.arrays import ZERO, Array, Bool, Int64
@@ -43,6 +45,8 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     UsageError
         Where cell size, gap size or thickness differ.
     """
+    expect(one, SurfaceMap, "one", "a map (SurfaceMap)")
+    expect(other, SurfaceMap, "other", "a map (SurfaceMap)")
     one.grid.require_same(other.grid)
     shift = np.where(other.origin == MEASURED, len(one.route), 0).astype(np.int32)
     other = replace(
@@ -119,15 +123,18 @@ def _sort_cell(records: Any, begin: int, end: int) -> None:
     """Sort the patches of a cell as maps have them, by insertion: they are few."""
     for i in range(begin + 1, end):
         j = i
-        while j > begin and _rank(records[j]) < _rank(records[j - 1]):
+        while j > begin and _comes_later(records[j - 1], records[j]):
             _swap(records, j, j - 1)
             j -= 1
 
 
 @inner
-def _rank(patch: Any) -> tuple[float, float, int, int]:
-    """Return what patches of one cell are sorted by, as in `file_order`."""
-    return patch.height, patch.depth, patch.origin, patch["count"]
+def _comes_later(one: Any, other: Any) -> bool:
+    """Tell whether a patch comes after another of its cell in the order of maps."""
+    return comes_later(
+        one.height, one.depth, one.origin, one["count"],
+        other.height, other.depth, other.origin, other["count"],
+    )  # fmt: skip
 
 
 @inner
@@ -172,7 +179,7 @@ def _linked(
         for at in order[:several]:
             is_other = at >= len(records)
             patch = others[at - len(records)] if is_other else records[at]
-            if at == order[0] or patch.bottom - reached > gap_size:
+            if at == order[0] or begins_group(patch.bottom, reached, gap_size):
                 _shape(linked, size - 1, parts, thickness)
                 linked[size], parts = patch, 0
                 reached = patch.top
@@ -233,11 +240,9 @@ def _shape(groups: Any, number: int, parts: int, thickness: float) -> None:
         return
     group = groups[number]
     group.mean = min(max(group.mean, group.bottom), group.top)
-    extent = group.top - group.bottom
-    if min(extent, np.sqrt(12 * group.variance)) > thickness:
-        group.height, group.depth = group.top, extent
-    else:
-        group.height, group.depth = group.mean, 0.0
+    group.height, group.depth = shape_of(
+        group.top, group.bottom, group.mean, group.variance, thickness
+    )
 
 
 def _inserted(surface: SurfaceMap) -> SurfaceMap:

@@ -109,10 +109,32 @@ def _later(keys: Keys, i: int, others: Keys, j: int) -> bool:
         return bool(keys.ix[i] > others.ix[j])
     if keys.iy[i] != others.iy[j]:
         return bool(keys.iy[i] > others.iy[j])
-    if keys.height[i] != others.height[j]:
-        return bool(keys.height[i] > others.height[j])
-    if keys.depth[i] != others.depth[j]:
-        return bool(keys.depth[i] > others.depth[j])
-    if keys.origin[i] != others.origin[j]:
-        return bool(keys.origin[i] > others.origin[j])
-    return bool(keys.points[i] > others.points[j])
+    return comes_later(
+        keys.height[i], keys.depth[i], keys.origin[i], keys.points[i],
+        others.height[j], others.depth[j], others.origin[j], others.points[j],
+    )  # fmt: skip
+
+
+@inner
+def comes_later(
+    height: float, depth: float, origin: int, count: int,
+    other_height: float, other_depth: float, other_origin: int, other_count: int,
+) -> bool:  # fmt: skip
+    """Tell whether a patch comes after another of its cell: the first key that differs decides.
+
+    Parameters
+    ----------
+    height, depth : float
+    origin, count : int
+        Of the patch, as in `SurfaceMap`.
+    other_height, other_depth : float
+    other_origin, other_count : int
+        Of the other one.
+    """
+    if height != other_height:
+        return bool(height > other_height)
+    if depth != other_depth:
+        return bool(depth > other_depth)
+    if origin != other_origin:
+        return bool(origin > other_origin)
+    return bool(count > other_count)

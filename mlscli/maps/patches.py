@@ -6,7 +6,7 @@ import numpy as np
 
 from mlscli.maps.neighbours import is_at, onward
 from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64
-from mlscli.runtime.kernels import kernel
+from mlscli.runtime.kernels import inner, kernel
 
 
 def runs(keys: Array) -> Int64:
@@ -16,27 +16,52 @@ def runs(keys: Array) -> Int64:
     return np.append(np.flatnonzero(new), len(keys))
 
 
-@kernel
-def upright(
-    top: Float64, bottom: Float64, mean: Float64, variance: Float64, thickness: float
-) -> tuple[Float64, Float64]:
-    """Return height and depth of measured patches: vertical where they spread too far.
+@inner
+def shape_of(
+    top: float, bottom: float, mean: float, variance: float, thickness: float
+) -> tuple[float, float]:
+    """Return height and depth of a measured patch: it is vertical where it spreads too far.
 
     The spread is the extent, or that of a uniform distribution of the same variance where this
     is less: the bare extent grows with the number of points, so that more data would turn noisy
     floors into walls.
     """
+    extent = top - bottom
+    if min(extent, np.sqrt(12 * variance)) > thickness:
+        return top, extent
+    return mean, 0.0
+
+
+@kernel
+def shapes_of(
+    top: Float64, bottom: Float64, mean: Float64, variance: Float64, thickness: float
+) -> tuple[Float64, Float64]:
+    """Return heights and depths of measured patches; see `shape_of`."""
     height, depth = np.empty(len(top)), np.empty(len(top))
     for i in range(len(top)):
-        extent = top[i] - bottom[i]
-        vertical = min(extent, np.sqrt(12 * variance[i])) > thickness
-        height[i], depth[i] = (top[i], extent) if vertical else (mean[i], 0.0)
+        height[i], depth[i] = shape_of(top[i], bottom[i], mean[i], variance[i], thickness)
     return height, depth
+
+
+@inner
+def begins_group(low: float, reached: float, gap_size: float) -> bool:
+    """Tell whether an interval begins a new group: single linkage of intervals in one dimension.
+
+    Parameters
+    ----------
+    low : float
+        Its low end; those of a cell are looked at in ascending order.
+    reached : float
+        The highest end in the group before it.
+    gap_size : float
+        Intervals farther apart are not linked.
+    """
+    return low - reached > gap_size
 
 
 @kernel
 def linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
-    """Return where groups begin, and the end of the last: single linkage of intervals.
+    """Return where groups of intervals begin, and the end of the last; see `begins_group`.
 
     Parameters
     ----------
@@ -52,7 +77,7 @@ def linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
     for cell in range(len(cells) - 1):
         reached = 0.0
         for i in range(cells[cell], cells[cell + 1]):
-            if i == cells[cell] or low[i] - reached > gap_size:
+            if i == cells[cell] or begins_group(low[i], reached, gap_size):
                 start[groups] = i
                 groups += 1
                 reached = high[i]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.errors import InputError
+from mlscli.errors import InputError, expect
 from mlscli.maps.cells import CellSet, Limits
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
@@ -64,7 +64,7 @@ def _no_route() -> Float64:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SurfaceMap:
-    """A sparse grid of surface patches; immutable in use.
+    """A sparse grid of surface patches; its arrays are read-only.
 
     Patches are sorted by (ix, iy, height, depth, origin, count).
 
@@ -114,6 +114,13 @@ class SurfaceMap:
     frame_id: str = "map"
     route: Float64 = field(default_factory=_no_route)
     meta: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only, also for whoever gave them."""
+        for name in (*COLUMNS, "route"):
+            array = getattr(self, name)
+            expect(array, np.ndarray, name, "an array")
+            array.flags.writeable = False
 
     @classmethod
     def of(

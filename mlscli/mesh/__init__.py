@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from mlscli.errors import InputError, UsageError
+from mlscli.errors import InputError, UsageError, expect
 from mlscli.maps.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
 from mlscli.mesh.colours import COLOURS, ROUTE_GREEN, ColourBy, Paint
 from mlscli.mesh.ground import route_on_ground
@@ -91,6 +91,18 @@ class Mesh:
         return group
 
 
+def mesh_of(shape: Mesh | SurfaceMap) -> Mesh:
+    """Return a mesh as it is, and of a map the one that `build_mesh` makes by default.
+
+    Raises
+    ------
+    TypeError
+        It is neither.
+    """
+    expect(shape, (Mesh, SurfaceMap), "mesh", "a map (SurfaceMap) or a mesh (Mesh)")
+    return build_mesh(shape) if isinstance(shape, SurfaceMap) else shape
+
+
 def build_mesh(
     surface: SurfaceMap,
     style: Style = "surface",
@@ -124,12 +136,13 @@ def build_mesh(
     InputError
         Where the mesh has too many vertices, or they lie beyond float64.
     """
+    expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
     if style not in STYLES:
         raise UsageError(f"style: is {style!r}; it must be one of {', '.join(STYLES)}")
     if colour not in COLOURS:
         raise UsageError(f"colour: is {colour!r}; it must be one of {', '.join(COLOURS)}")
     if not math.isfinite(max_slope) or max_slope < 0:
-        raise UsageError(f"--max-slope {max_slope!r}: expected a finite number of 0 or more")
+        raise UsageError(f"`max_slope` {max_slope!r}: expected a finite number of 0 or more")
     paint = Paint(surface, colour)
     if not artificial:
         surface = surface.take(surface.origin != ARTIFICIAL)

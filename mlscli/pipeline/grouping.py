@@ -10,7 +10,7 @@ import numpy as np
 
 from mlscli.keyframes.batches import Points
 from mlscli.maps.grid import Grid
-from mlscli.maps.patches import upright
+from mlscli.maps.patches import begins_group, shapes_of
 from mlscli.maps.surface_map import MEASURED, SurfaceMap, new_columns
 from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
 from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt32
@@ -46,7 +46,7 @@ def group(points: Points, grid: Grid) -> SurfaceMap:
             part["count"], part["first_keyframe"], part["last_keyframe"],
         )  # fmt: skip
         part["ix"][:], part["iy"][:] = (axis[of_cell[begin:end]] for axis in cells[:2])
-        part["height"][:], part["depth"][:] = upright(
+        part["height"][:], part["depth"][:] = shapes_of(
             part["top"], part["bottom"], part["mean"], part["variance"], grid.thickness
         )
         part["origin"][:], part["region"][:] = MEASURED, -1
@@ -65,7 +65,7 @@ def split_by_gaps(
     groups = 0
     for cell in range(begin, end):
         for i in range(cells[cell], cells[cell + 1]):
-            if i == cells[cell] or z[i] - z[i - 1] > gap_size:
+            if i == cells[cell] or begins_group(z[i], z[i - 1], gap_size):
                 start[groups], of_cell[groups] = i, cell
                 groups += 1
     return start[:groups].copy(), of_cell[:groups].copy()

@@ -8,7 +8,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
-from mlscli.errors import ConfigError
+from mlscli.errors import ConfigError, expect
 from mlscli.parameters.fields import UNKNOWN, fields_of, json_value, parameter, write_value
 from mlscli.parameters.lengths import Cells, Length
 from mlscli.pipeline.stages.registry import STAGES
@@ -90,6 +90,11 @@ class Parameters:
     pipeline: tuple[Stage, ...] = field(default_factory=_default_pipeline)
 
     def __post_init__(self) -> None:
+        for name, section in SECTIONS.items():
+            kind = section.__name__
+            expect(getattr(self, name), section, name, f"{kind}, such as {kind}()")
+        for stage in self.pipeline:
+            expect(stage, Stage, "pipeline", "stages, such as (Median(), Plaster())")
         stages = []
         for stage in self.pipeline:
             missing = {

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from copy import copy
 from itertools import takewhile
 
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, expect
 from mlscli.keyframes.batches import Points
 from mlscli.maps.change import points_in
 from mlscli.maps.grid import Grid
@@ -40,6 +40,7 @@ class Pipeline:
 
     Attributes
     ----------
+    parameters : Parameters
     point_stages : list of PointStage
     map_stages : list of MapStage
         Those after which the map can still grow.
@@ -51,9 +52,13 @@ class Pipeline:
     ------
     UsageError
         Where `cell_size` is ``auto``.
+    ConfigError
+        Where a value is out of range, or two contradict each other.
     """
 
     def __init__(self, parameters: Parameters, frame_id: str, report: Report) -> None:
+        expect(parameters, Parameters, "parameters", "Parameters")
+        parameters.check()
         cell_size = parameters.map.cell_size
         if isinstance(cell_size, str):
             raise UsageError(
@@ -66,6 +71,7 @@ class Pipeline:
             in_units(parameters.map.thickness, cell_size),
             frame_id,
         )
+        self.parameters = parameters
         self.cell_size = cell_size
         self.report = report
         stages = parameters.pipeline

@@ -67,7 +67,7 @@ def plot_above(
     shown = shown_patches(surface, frame, level)
     if not (shown >= 0).any():
         most = int(np.diff(surface.cells.start).max())
-        raise UsageError(f"--level {level}: no cell has as many; this map has up to {most}")
+        raise UsageError(f"`level` {level}: no cell has as many; this map has up to {most}")
     width, length = size_of(frame)
     figure = new_figure(width + 1.9, length + 1.3)
     axes = figure.add_subplot()

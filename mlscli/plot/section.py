@@ -60,10 +60,10 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
     length = math.dist(start, end)
     words = _told(start, end)
     if not 0 < length < math.inf or not on_grid(line, surface.cell_size).all():
-        raise UsageError(f"--section {words}: expected two different places on the grid")
+        raise UsageError(f"`section` {words}: expected two different places on the grid")
     if length / surface.cell_size > MAX_SECTION_CELLS:
         raise UsageError(
-            f"--section {words}: runs through {length / surface.cell_size:.3g} cells; "
+            f"`section` {words}: runs through {length / surface.cell_size:.3g} cells; "
             f"expected at most {MAX_SECTION_CELLS}"
         )
     crossings = [np.array([0.0, 1.0])]
@@ -121,7 +121,7 @@ def plot_section(
         surface = surface.take(surface.origin != ARTIFICIAL)
     met = cut(surface, start, end)
     if len(met.patch) == 0:
-        raise UsageError(f"--section {_told(start, end)}: meets no patch of the map")
+        raise UsageError(f"`section` {_told(start, end)}: meets no patch of the map")
     low, high = surface.low_end[met.patch].min(), surface.height[met.patch].max()
     margin = max(0.08 * (high - low), 2 * surface.cell_size)
     length = math.dist(start, end)

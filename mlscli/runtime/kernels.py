@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numba
 from numba import njit
 from numba.core import event
 from numba.extending import register_jitable
@@ -34,15 +35,48 @@ def kernel(function: Function) -> Function:
     """
     try:
         compiled = njit(cache=True, nogil=True, **_NO_C)(function)
+        # Where nothing is compiled (NUMBA_DISABLE_JIT), there is nothing to keep.
+        if compiled is not function:
+            _follow_sources(compiled, Path(function.__code__.co_filename))
     except RuntimeError:
-        _Compiling.kept = False
-        compiled = njit(nogil=True, **_NO_C)(function)
-    else:
-        # numba has no word for it: what it compares with the state in which a source was compiled.
-        # Without sources, or where nothing is compiled (NUMBA_DISABLE_JIT), it does as it will.
-        with suppress(OSError, AttributeError):
-            compiled._cache._cache_file._source_stamp = stamp(Path(function.__code__.co_filename))
+        compiled = _unkept(
+            function, "no folder to keep them in can be written; NUMBA_CACHE_DIR names one"
+        )
+    except UnknownCache as error:
+        compiled = _unkept(function, str(error))
     return cast("Function", compiled)
+
+
+def _unkept(function: Callable[..., Any], why: str) -> Any:
+    """Compile a kernel in every run, and have the user told why."""
+    _Compiling.not_kept = why
+    return njit(nogil=True, **_NO_C)(function)
+
+
+class UnknownCache(Exception):  # noqa: N818
+    """The installed numba keeps compiled kernels in a way that is not known here."""
+
+
+def _follow_sources(compiled: Any, path: Path) -> None:
+    """Have a kernel compiled anew when any source that is compiled into it changes.
+
+    numba looks at the file of the kernel alone, and has no public way to say more: this sets the
+    state of the sources that it compares with the one in which a kernel was compiled.
+
+    Raises
+    ------
+    UnknownCache
+        numba has no such field any more. Kept kernels could then be older than their sources.
+    """
+    kept: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if not hasattr(kept, "_source_stamp"):
+        raise UnknownCache(
+            f"numba {numba.__version__} keeps them in a way that is not known here; install an "
+            "older numba, and report this"
+        )
+    # A program without its sources can have no newer ones.
+    with suppress(OSError):
+        kept._source_stamp = stamp(path)
 
 
 def inner(function: Function) -> Function:
@@ -60,20 +94,20 @@ _NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}
 class _Compiling(event.Listener):
     """Says that kernels are compiled, once, as soon as the first is; what is loaded is no event."""
 
-    kept = True
+    not_kept = ""
     _said = False
 
     def on_start(self, event: event.Event) -> None:  # noqa: ARG002
         if self._said:
             return
         self._said = True
-        if self.kept:
-            notice(f"compiling kernels, once (about {COMPILE_SECONDS} s for all)")
-        else:
+        if self.not_kept:
             notice(
-                f"compiling kernels (about {COMPILE_SECONDS} s for all) in every run, for no "
-                "folder to keep them in can be written; NUMBA_CACHE_DIR names one"
+                f"compiling kernels (about {COMPILE_SECONDS} s for all) in every run, for "
+                f"{self.not_kept}"
             )
+        else:
+            notice(f"compiling kernels, once (about {COMPILE_SECONDS} s for all)")
 
     def on_end(self, event: event.Event) -> None:
         """Say nothing more."""

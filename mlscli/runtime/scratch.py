@@ -86,7 +86,7 @@ class Scratch:
     def _failed(self, error: OSError) -> OutputError:
         return OutputError(
             f"{self._folder}: no room for temporary files: {error.strerror or error}; "
-            "--scratch DIR names another place"
+            "`scratch` DIR names another place"
         )
 
 

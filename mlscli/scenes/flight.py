@@ -52,13 +52,13 @@ class Craft:
         """
         if not 0 < self.field_of_view <= 360:
             raise UsageError(
-                f"--field-of-view {self.field_of_view:g}: expected degrees above 0, at most 360"
+                f"`field_of_view` {self.field_of_view:g}: expected degrees above 0, at most 360"
             )
         if self.range is None:
             low, high = scene.bounds
             return 2 * (self.height + float(high[2] - low[2]))
         if not (math.isfinite(self.range) and self.range > 0):
-            raise UsageError(f"--range {self.range:g}: expected a distance above 0")
+            raise UsageError(f"`range` {self.range:g}: expected a distance above 0")
         return self.range
 
 
@@ -160,14 +160,14 @@ def _check(scene: Scene, noise: Noise, holes: tuple[int, float], seed: int) -> N
     low, high = scene.bounds
     if noise.outliers and low[2] == high[2]:
         raise UsageError(
-            f"--outliers {noise.outliers:g}: {scene.name} is flat, and outliers are spread over "
+            f"`outliers` {noise.outliers:g}: {scene.name} is flat, and outliers are spread over "
             "the height of the scene"
         )
     count, diameter = holes
     if count < 0 or not (math.isfinite(diameter) and diameter >= 0):
-        raise UsageError(f"--holes {count},{diameter:g}: expected how many, and their diameter")
+        raise UsageError(f"`holes` {count},{diameter:g}: expected how many, and their diameter")
     if seed < 0:
-        raise UsageError(f"--seed {seed}: expected 0 or more")
+        raise UsageError(f"`seed` {seed}: expected 0 or more")
 
 
 def _with_features(
@@ -198,8 +198,8 @@ def _recorded(scene: Scene, xyz: Float64, keyframe: Int32, poses: CameraPoses) -
     numbers, start = np.unique(keyframe[order], return_index=True)
     if not len(numbers):
         raise UsageError(
-            f"{scene.name}: the camera sees nothing; widen --range or --field-of-view, or lower "
-            "--route-height"
+            f"{scene.name}: the camera sees nothing; widen `range` or `field_of_view`, or lower "
+            "`route_height`"
         )
     clouds = np.split(xyz[order], start[1:])
     keyframes = []

@@ -1,4 +1,4 @@
-"""What is wrong with the points of a visual SLAM: scatter, wrong correspondences, outliers."""
+"""Noise of the points of a visual SLAM: scatter, wrong correspondences, outliers."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from mlscli.runtime.arrays import Float64
 from mlscli.scenes.surfaces import Scatter
 
 SALT_PEPPER_FACTOR = 5.0
-"""How much wider the displacement in z of a point of salt and pepper is (thesis, section 5.2)."""
+"""Factor on the sigma in z of points with salt-and-pepper noise (thesis, section 5.2)."""
 
 REFERENCE_DISTANCE = 2.0
-"""Where a triangulated point has the sigma stated; in the unit of the scene."""
+"""Distance at which a triangulated point has the sigma given, in the unit of the scene."""
 
 WRONG_DISPARITY = (0.5, 2.0)
-"""What a wrong correspondence multiplies the disparity by, anything between."""
-
+"""Least and greatest factor on the disparity of a wrong correspondence."""
 
 DEFAULT_SIGMA = Scatter(0.05, 0.05)
-"""A third of the thesis's cell."""
+"""A third of the thesis's cell, in the unit of the scene."""
 
 
 @dataclass(frozen=True)
@@ -33,17 +32,17 @@ class Noise:
     Attributes
     ----------
     kind : {"thesis", "slam"}
-        ``thesis``: Gaussian, in x and y and in z; with the chance `salt_pepper`, in z with 5
-        times the sigma. ``slam``: as triangulation errs: along the viewing ray with the vertical
-        sigma times the square of the distance, across it with the horizontal sigma times the
-        distance, both sigmas as at 2 units; with the chance `salt_pepper`, the correspondence is
-        wrong and the depth anything from half to twice the true one, evenly in its inverse.
+        ``thesis``: Gaussian in x, y and z; with the probability `salt_pepper`, the sigma in z is
+        5 times as large. ``slam``: errors of triangulation. Along the viewing ray, the vertical
+        sigma grows with the square of the distance; across it, the horizontal sigma grows with the
+        distance; `sigma` holds at a distance of 2. With the probability `salt_pepper` the
+        correspondence is wrong: the depth is half to twice the true one, uniform in its inverse.
     sigma : Scatter
-        For surfaces without a scatter of their own.
+        For surfaces without a scatter of their own, in the unit of the scene.
     salt_pepper : float
-        The chance of salt and pepper, or of a wrong correspondence.
+        Probability, 0 to 1, of salt and pepper, or of a wrong correspondence.
     outliers : float
-        Share of the points whose z is anything between the scene's bottom and top instead.
+        Probability, 0 to 1, that z is replaced by one uniform from the scene's bottom to its top.
     """
 
     kind: Literal["thesis", "slam"] = "thesis"
@@ -57,46 +56,54 @@ class Noise:
         Raises
         ------
         UsageError
-            Naming the option at fault.
+            Where `sigma`, `salt_pepper` or `outliers` is out of range.
         """
         if not all(math.isfinite(sigma) and sigma >= 0 for sigma in self.sigma):
             given = ",".join(f"{sigma:g}" for sigma in self.sigma)
-            raise UsageError(f"--sigma {given}: expected two numbers of 0 or more")
-        for option, chance in (("salt-pepper", self.salt_pepper), ("outliers", self.outliers)):
+            raise UsageError(f"`sigma` {given}: expected two numbers of 0 or more")
+        for name, chance in (("salt_pepper", self.salt_pepper), ("outliers", self.outliers)):
             if not 0 <= chance <= 1:
-                raise UsageError(f"--{option} {chance:g}: expected a share from 0 to 1")
+                raise UsageError(f"`{name}` {chance:g}: expected a share from 0 to 1")
 
 
 @dataclass(frozen=True)
 class Chances:
-    """Random numbers by purpose, so that asking for more of one changes no other.
+    """Random numbers by purpose: drawing more for one purpose changes no other.
 
     Attributes
     ----------
     seed : int
-        0 or more.
+        Seed of all generators, 0 or more.
     """
 
     seed: int
 
     def of(self, purpose: str) -> np.random.Generator:
-        """Return the generator of a purpose, at its beginning."""
+        """Return a new generator for a purpose; its numbers depend on seed and purpose only."""
         return np.random.default_rng([self.seed, *purpose.encode()])
 
 
 def displace(
     xyz: Float64, cameras: Float64, sigma: Float64, noise: Noise, chances: Chances
 ) -> Float64:
-    """Return points as they would be measured.
+    """Return points with noise.
 
     Parameters
     ----------
     xyz : float64 (N, 3)
-        Where they are.
+        True positions, in the unit of the scene.
     cameras : float64 (N, 3)
-        From where each is seen; only ``slam`` looks at it.
+        Position of the camera that sees each point; only the kind ``slam`` uses it.
     sigma : float64 (N, 2)
-        The horizontal and the vertical sigma of each.
+        The horizontal and the vertical sigma of each point, in the unit of the scene.
+    noise : Noise
+        Kind and probabilities; its `sigma` is not used.
+    chances : Chances
+        Where the random numbers come from.
+
+    Returns
+    -------
+    float64 (N, 3)
     """
     gauss = chances.of("scatter").standard_normal(xyz.shape)
     wrong = chances.of("salt and pepper").random(len(xyz)) < noise.salt_pepper
@@ -111,7 +118,7 @@ def displace(
     error = gauss[:, 0] * sigma[:, 1] * far * far
     disparity = chances.of("correspondence").uniform(*WRONG_DISPARITY, len(xyz))
     depth = np.where(wrong, distance / disparity, distance + error)
-    # Across the ray: a scatter in space without its part along the ray.
+    # Across the ray: an isotropic displacement without its component along the ray.
     space = chances.of("image").standard_normal(xyz.shape)
     across = space - (space * ahead).sum(axis=1)[:, None] * ahead
     seen: Float64 = cameras + depth[:, None] * ahead + (sigma[:, 0] * far)[:, None] * across
@@ -121,7 +128,7 @@ def displace(
 def scatter_outliers(
     xyz: Float64, share: float, bottom: float, top: float, chances: Chances
 ) -> Float64:
-    """Return points of which a share has any height between `bottom` and `top` instead."""
+    """Return points (N, 3), a share of them at uniform heights from `bottom` to `top` instead."""
     rng = chances.of("outliers")
     gross = rng.random(len(xyz)) < share
     height = rng.uniform(bottom, top, len(xyz))

@@ -36,7 +36,7 @@ class Preset:
     name, summary : str
     make : callable
     dimension : Dimension or None
-        What ``--add-param`` sets.
+        What `add_param` sets.
     number : int or None
         The thesis's number for it.
     """
@@ -109,11 +109,11 @@ SCENE_PRESETS = (
     Preset("tunnel", "a road through a hill", more_scenes.tunnel),
     Preset("stair", "a stair up to a gallery", more_scenes.stair),
     Preset("parking", "two decks on columns, with ramps", more_scenes.parking),
-    Preset("village", "N by N houses, for scale (--size N)", more_scenes.village),
+    Preset("village", "N by N houses, for scale (`size` N)", more_scenes.village),
 )
 
 
-def preset(name: str) -> Preset:
+def preset(type_: str) -> Preset:
     """Return a preset by its name or the thesis's number.
 
     Raises
@@ -122,18 +122,18 @@ def preset(name: str) -> Preset:
         Where there is none of that name.
     """
     for candidate in SCENE_PRESETS:
-        if name == candidate.name or (candidate.number and name == str(candidate.number)):
+        if type_ == candidate.name or (candidate.number and type_ == str(candidate.number)):
             return candidate
     known = [candidate.name for candidate in SCENE_PRESETS]
-    raise UsageError(f"--type {name}: no such scene; {nearest(name, known)}")
+    raise UsageError(f"`type_` {type_}: no such scene; {nearest(type_, known)}")
 
 
-def make(name: str, add_param: float | None = None, size: int | None = None) -> Scene:
+def make(type_: str, add_param: float | None = None, size: int | None = None) -> Scene:
     """Return a preset's scene.
 
     Parameters
     ----------
-    name : str
+    type_ : str
         Its name or the thesis's number.
     add_param : float, optional
         Its crucial dimension.
@@ -145,27 +145,27 @@ def make(name: str, add_param: float | None = None, size: int | None = None) -> 
     UsageError
         Where there is no such scene, or it does not take what is given, or not that much.
     """
-    chosen = preset(name)
+    chosen = preset(type_)
     if chosen.make is more_scenes.village:
         if add_param is not None:
-            raise UsageError(f"--add-param {add_param:g}: {chosen.name} takes --size instead")
+            raise UsageError(f"`add_param` {add_param:g}: {chosen.name} takes `size` instead")
         houses = 4 if size is None else size
         if not 1 <= houses <= LARGEST_VILLAGE:
-            raise UsageError(f"--size {houses}: expected 1 to {LARGEST_VILLAGE} houses a side")
+            raise UsageError(f"`size` {houses}: expected 1 to {LARGEST_VILLAGE} houses a side")
         return chosen.make(houses)
     if size is not None:
-        raise UsageError(f"--size {size}: {chosen.name} has one size; the village takes --size")
+        raise UsageError(f"`size` {size}: {chosen.name} has one size; the village takes `size`")
     dimension = chosen.dimension
     if dimension is None:
         if add_param is not None:
             with_one = ", ".join(each.name for each in SCENE_PRESETS if each.dimension)
             raise UsageError(
-                f"--add-param {add_param:g}: {chosen.name} has none; these have: {with_one}"
+                f"`add_param` {add_param:g}: {chosen.name} has none; these have: {with_one}"
             )
         return chosen.make()
     value = dimension.default if add_param is None else add_param
     if not dimension.above < value <= dimension.high:
         raise UsageError(
-            f"--add-param {value:g}: the {dimension.what} is expected to be {dimension.range}"
+            f"`add_param` {value:g}: the {dimension.what} is expected to be {dimension.range}"
         )
     return chosen.make(value)

@@ -70,12 +70,12 @@ def fly_route(scene: Scene, height: float) -> CameraPoses:
         Where `height` is not above 0, or so small that the keyframes are too many.
     """
     if not (math.isfinite(height) and height > 0):
-        raise UsageError(f"--route-height {height:g}: expected a height above 0")
+        raise UsageError(f"`route_height` {height:g}: expected a height above 0")
     low, high = scene.bounds
     area = float(np.prod((high - low)[:2] + 2 * LANE * height))
     if area / (LANE * STEP * height * height) > MAX_POSES:
         raise UsageError(
-            f"--route-height {height:g}: so low over {scene.name}, a survey takes more than "
+            f"`route_height` {height:g}: so low over {scene.name}, a survey takes more than "
             f"{MAX_POSES} keyframes; fly higher"
         )
     legs = [*survey(scene, height), *scene.legs]

@@ -44,12 +44,12 @@ def sample(scene: Scene, spacing: float) -> Samples:
         Where `spacing` is not above 0, or so small that the points are too many.
     """
     if not (math.isfinite(spacing) and spacing > 0):
-        raise UsageError(f"--grid {spacing:g}: expected a spacing above 0")
+        raise UsageError(f"`grid` {spacing:g}: expected a spacing above 0")
     counts = [_steps(surface, spacing) for surface in scene.surfaces]
     total = sum(rows * columns for rows, columns in counts)
     if total > MAX_POINTS:
         raise UsageError(
-            f"--grid {spacing:g}: makes {total:.3g} points of {scene.name}, expected at most "
+            f"`grid` {spacing:g}: makes {total:.3g} points of {scene.name}, expected at most "
             f"{MAX_POINTS}; choose a wider spacing"
         )
     parts = [_grid(surface, *count) for surface, count in zip(scene.surfaces, counts, strict=True)]

@@ -103,7 +103,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
         with source.open("rb") as stream:
             data = stream.read(MAX_SCENE_BYTES + 1)
     except FileNotFoundError:
-        raise InputError(f"{source}: no such file; --scene takes a scene in YAML") from None
+        raise InputError(f"{source}: no such file; `scene` takes a scene in YAML") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{source}: cannot be read as a scene: {reason}") from error

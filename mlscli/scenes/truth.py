@@ -21,7 +21,7 @@ import numpy as np
 
 from mlscli.errors import InputError, UsageError
 from mlscli.maps.cells import pack, unpack
-from mlscli.maps.patches import linked, runs, upright
+from mlscli.maps.patches import linked, runs, shapes_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Float64, Int64, UInt64
 from mlscli.runtime.kernels import kernel
@@ -71,7 +71,7 @@ def truth(
     bottom, top = low[first], np.maximum.reduceat(high, first) if len(first) else high[:0]
     average, spread = pool(start, area[order], mean[order], variance[order])
     average = np.clip(average, bottom, top)
-    height, depth = upright(top, bottom, average, spread, thickness)
+    height, depth = shapes_of(top, bottom, average, spread, thickness)
     ix, iy = unpack(keys[first])
     zeros = np.zeros(len(ix), dtype=np.int32)
     return SurfaceMap(

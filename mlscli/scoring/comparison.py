@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, expect
 from mlscli.maps.cells import pack
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64
@@ -142,6 +142,8 @@ def compare_maps(a: SurfaceMap, b: SurfaceMap, tolerance: float = 0.0) -> Compar
     UsageError
         Where cell size or gap size differ, or the tolerance is no number of 0 or more.
     """
+    expect(a, SurfaceMap, "a", "a map (SurfaceMap)")
+    expect(b, SurfaceMap, "b", "a map (SurfaceMap)")
     if not 0 <= tolerance < math.inf:
         raise UsageError(f"tolerance: is {tolerance!r}; it must be a number, 0 or more")
     require_same_cells(a, b)

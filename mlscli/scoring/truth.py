@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from mlscli.errors import expect
 from mlscli.maps.surface_map import MEASURED, ORIGINS, SurfaceMap
 from mlscli.runtime.arrays import Bool, Float64, Int64
 from mlscli.scoring.comparison import require_same_cells, root_mean_square
@@ -172,6 +173,8 @@ def score(surface: SurfaceMap, truth: SurfaceMap) -> Score:
     UsageError
         Where cell size or gap size differ.
     """
+    expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    expect(truth, SurfaceMap, "truth", "a map (SurfaceMap)")
     require_same_cells(surface, truth)
     mine, true, half = Patches.of(surface), Patches.of(truth), surface.cell_size / 2
     total = _measure(mine, true, half)

@@ -100,7 +100,7 @@ def parse_sizes(text: str) -> list[int]:
     # The ends first: in between there may be more numbers than anyone has time for.
     if not (least >= 1 and greatest <= LARGEST_BATCH and sizes):
         raise UsageError(
-            f"--sizes {text}: expected A..B, A..B:STEP or a list such as 20,52,400, of numbers "
+            f"`sizes` {text}: expected A..B, A..B:STEP or a list such as 20,52,400, of numbers "
             f"from 1 to {LARGEST_BATCH:,}"
         )
     return list(sizes)

@@ -109,7 +109,7 @@ def table(
     pipelines = list(_growing(parameters.pipeline))
     seeds = list(seeds)
     if not seeds:
-        raise UsageError("--seeds: expected at least one")
+        raise UsageError("`seeds`: expected at least one")
     rows: list[StageWorth] = []
     for number, scene in enumerate(scenes):
         for share in shares:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.errors import OutputError
+from mlscli.errors import OutputError, expect
 from mlscli.io.writing.atomic import atomic_write
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, height_scale
@@ -71,6 +71,7 @@ def write_page(
         Where the file exists and `overwrite` is False, it cannot be written, or the map is too
         large for a page.
     """
+    expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
     shown = picture(surface, points)
     header, data = _pack(surface, shown, title)
     if len(data) > _LARGEST_BYTES:

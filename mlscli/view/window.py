@@ -21,8 +21,6 @@ WIDTH, HEIGHT = 1200, 800
 # From the south and above, as the page shows a map at first.
 TOWARDS_EYE = (-0.26, -0.72, 0.64)
 
-_INSTEAD = "leave out --window to see the map in the browser"
-
 
 def show(surface: SurfaceMap, title: str) -> None:
     """Show the surfaces, walls and the route of a map until the window is closed.
@@ -35,9 +33,7 @@ def show(surface: SurfaceMap, title: str) -> None:
     displays = ("DISPLAY", "WAYLAND_DISPLAY")
     # Open3D would wait for ever for what nobody can see.
     if sys.platform == "linux" and not any(os.environ.get(name) for name in displays):
-        raise OutputError(
-            f"--window: there is no display ({' and '.join(displays)} are not set); {_INSTEAD}"
-        )
+        raise OutputError(f"there is no display ({' and '.join(displays)} are not set)")
     open3d = _open3d()
     mesh = build_mesh(surface)
     colours = mesh.colours / 255
@@ -53,7 +49,7 @@ def show(surface: SurfaceMap, title: str) -> None:
     lines.colors = vectors(colours[mesh.lines[:, 0]])
     window = open3d.visualization.Visualizer()
     if not window.create_window(window_name=title, width=WIDTH, height=HEIGHT):
-        raise OutputError(f"--window: Open3D cannot open a window on this display; {_INSTEAD}")
+        raise OutputError("Open3D cannot open a window on this display")
     try:
         options = window.get_render_option()
         options.mesh_show_back_face = True
@@ -73,7 +69,7 @@ def _open3d() -> Any:
         try:
             import open3d
         except (ImportError, OSError) as error:
-            raise OutputError(f"--window: Open3D cannot be loaded ({error}); {_INSTEAD}") from error
+            raise OutputError(f"Open3D cannot be loaded ({error})") from error
     # Its own words would stand beside the program's.
     open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
     return open3d

@@ -16,8 +16,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mlscli.building.batching import BEYOND_GRID
 from mlscli.building.build import build_map
-from mlscli.building.builder import BEYOND_GRID, MapBuilder
+from mlscli.building.builder import MapBuilder
 from mlscli.building.cell_size import auto_cell_size
 from mlscli.config import loads
 from mlscli.errors import InputError, UsageError
@@ -227,22 +228,24 @@ def test_workers_for_a_map_that_grows_batch_by_batch_are_refused_unread(
 ) -> None:
     recording = open_recording(SAMPLE)
     (name,) = workers
-    with pytest.raises(UsageError, match=f"{name}: a sequential map is made batch by batch"):
+    with pytest.raises(UsageError, match=f"`{name}`: a sequential map is made batch by batch"):
         build_map(recording, parameters("", "sequential"), **workers)
-    with pytest.raises(UsageError, match=f"{name}: does not go with follow; leave one"):
+    with pytest.raises(UsageError, match=f"`{name}`: does not go with `follow`; leave one"):
         build_map(recording, follow=lambda _: None, **workers)
-    with pytest.raises(UsageError, match="jobs: does not go with scheduler, whose workers have"):
+    with pytest.raises(
+        UsageError, match="`jobs`: does not go with `scheduler`, whose workers have"
+    ):
         build_map(recording, jobs=2, scheduler="tcp://nowhere:1")
     assert recording.tally.keyframes == 0
 
 
 def test_a_builder_refuses_workers_without_work() -> None:
     cluster: Any = object()
-    with pytest.raises(UsageError, match="cluster: a sequential map is made batch by batch"):
+    with pytest.raises(UsageError, match="`cluster`: a sequential map is made batch by batch"):
         MapBuilder(parameters("", "sequential"), cluster=cluster)
-    with pytest.raises(UsageError, match="cluster: does not go with follow; leave one"):
+    with pytest.raises(UsageError, match="`cluster`: does not go with `follow`; leave one"):
         MapBuilder(parameters(""), follow=lambda _: None, cluster=cluster)
-    with pytest.raises(UsageError, match="jobs: does not go with cluster, whose workers have"):
+    with pytest.raises(UsageError, match="`jobs`: does not go with `cluster`, whose workers have"):
         MapBuilder(parameters(""), jobs=2, cluster=cluster)
 
 

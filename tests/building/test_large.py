@@ -76,7 +76,7 @@ def test_what_memory_cannot_do_is_refused_with_what_it_takes(little: int) -> Non
     ):
         with pytest.raises(UsageError, match=words), build_large(recording, given, little):
             pass
-    too_little = r"--memory: 50M is too little; give at least \d+M"
+    too_little = r"`memory`: 50M is too little; give at least \d+M"
     with (
         pytest.raises(UsageError, match=too_little),
         build_large(recording, parameters(), 50 << 20),
@@ -127,7 +127,7 @@ def test_no_folder_for_what_does_not_fit(little: int, tmp_path: Path) -> None:
     recording = open_recording(SAMPLE)
     missing = tmp_path / "none"
     with (
-        pytest.raises(OutputError, match=r"none: no room .*--scratch DIR"),
+        pytest.raises(OutputError, match=r"none: no room .*`scratch` DIR"),
         build_large(recording, parameters(), little, scratch=missing),
     ):
         pass

@@ -149,13 +149,13 @@ def test_a_misspelt_key_is_one_fault_that_names_the_right_one(
 )
 def test_a_setting_at_fault_is_named_in_full(setting: str, told: str) -> None:
     fault = only_fault_of("", (setting,))
-    assert fault.startswith(f"--set {setting}: ")
+    assert fault.startswith(f"`sets` {setting}: ")
     assert told in fault
 
 
 def test_faults_of_settings_come_with_those_of_the_file() -> None:
     faults = faults_of("mode: x", ("map.cell_size=0", "regions.min_size=1", "median.max_nb=-1"))
-    starts = ("p.yaml:1:7: mode", "--set map.cell", "--set regions", "--set median")
+    starts = ("p.yaml:1:7: mode", "`sets` map.cell", "`sets` regions", "`sets` median")
     assert [f.startswith(s) for f, s in zip(faults, starts, strict=True)] == [True] * 4
 
 

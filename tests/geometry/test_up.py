@@ -56,6 +56,6 @@ def test_what_was_found_is_told_in_a_sentence() -> None:
     )
 
     assert up.support == 0.75
-    for words in ("--up auto", "up is y", "75%", "25% level", "50% upright", "the craft flew"):
+    for words in ("`up` auto", "up is y", "75%", "25% level", "50% upright", "the craft flew"):
         assert words in up.summary
     assert "\n" not in up.summary

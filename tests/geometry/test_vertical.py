@@ -209,8 +209,8 @@ def test_two_axes_that_are_equal_are_both_named(seed: int) -> None:
         found(points)
     message = str(error.value)
     assert "\n" not in message
-    assert "--up z" in message
-    assert "--up y" in message or "--up -y" in message
+    assert "`up` z" in message
+    assert "`up` y" in message or "`up` -y" in message
     assert message.count("%") == 2
 
 
@@ -226,18 +226,18 @@ def test_a_cube_has_no_vertical() -> None:
 
 
 def test_noise_has_no_vertical() -> None:
-    with pytest.raises(InputError, match="--up auto"):
+    with pytest.raises(InputError, match="`up` auto"):
         found(np.random.default_rng(10).normal(size=(5000, 3)))
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 9])
 def test_a_few_points_have_none_either(count: int) -> None:
-    with pytest.raises(InputError, match=r"--up auto: found \d+ points"):
+    with pytest.raises(InputError, match=r"`up` auto: found \d+ points"):
         found(level(np.random.default_rng(11), 1, 0, count))
 
 
 def test_points_on_a_line_have_none() -> None:
-    with pytest.raises(InputError, match="--up auto"):
+    with pytest.raises(InputError, match="`up` auto"):
         found(np.outer(np.arange(1000.0), [1.0, 2.0, 3.0]))
 
 

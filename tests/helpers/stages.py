@@ -30,7 +30,7 @@ class Onlooker(PointStage):
         points: Points,
         cell_size: float,  # noqa: ARG002
         asked: Bool | None = None,  # noqa: ARG002
-        told: Callable[[int], None] | None = None,  # noqa: ARG002
+        progress: Callable[[int], None] | None = None,  # noqa: ARG002
     ) -> Evaluated:
         self.look_at(points)
         return Evaluated(points.xyz[:, 2], np.zeros(points.size))

@@ -234,7 +234,7 @@ def test_the_route_is_a_green_line_just_above_the_ground(style: Style) -> None:
 
 @pytest.mark.parametrize("slope", [-0.1, np.nan, np.inf])
 def test_a_slope_that_is_none_is_refused(slope: float) -> None:
-    with pytest.raises(UsageError, match=r"--max-slope .* of 0 or more"):
+    with pytest.raises(UsageError, match=r"`max_slope` .* of 0 or more"):
         build_mesh(a_map((0, 0, 0, 0)), max_slope=slope)
 
 

@@ -52,7 +52,7 @@ def test_all_levels_of_a_cell_are_met_from_below() -> None:
 def test_a_line_that_is_none_is_refused(
     ends: tuple[tuple[float, float], tuple[float, float]],
 ) -> None:
-    with pytest.raises(UsageError, match="--section"):
+    with pytest.raises(UsageError, match="`section`"):
         cut(FLOOR, *ends)
 
 
@@ -82,5 +82,5 @@ def test_the_ends_of_a_cut_are_told_apart_also_far_from_the_origin() -> None:
     start, end = (4498561.25, 0.5), (4498566.5, 0.5)
     (axes, *_) = plot_section(surface, start, end).axes
     assert axes.get_xlabel() == "along the cut from (4498561.25, 0.5) to (4498566.5, 0.5)"
-    with pytest.raises(UsageError, match=r"--section 4498600,0\.5,4498601,0\.5: meets no patch"):
+    with pytest.raises(UsageError, match=r"`section` 4498600,0\.5,4498601,0\.5: meets no patch"):
         plot_section(surface, (4498600, 0.5), (4498601, 0.5))

@@ -64,6 +64,41 @@ def test_where_no_folder_can_be_written_every_run_says_what_would_help(compared:
         assert said.count("\n") == 1
 
 
+CHANGED_NUMBA = """
+from numba.core import caching
+
+made = caching.IndexDataCacheFile.__init__
+
+def changed(self, *args, **kwargs):
+    made(self, *args, **kwargs)
+    self.state_of_source = self.__dict__.pop("_source_stamp")
+
+caching.IndexDataCacheFile.__init__ = changed
+from mlscli.cli import main
+main()
+"""
+
+
+def test_a_numba_that_keeps_kernels_in_another_way_is_told_of_and_nothing_is_kept(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "map.npz"
+    mlscli.write_map(path, map_of([Patch(0, 0, 0.0, 0.0, 0, 1)]))
+    kept = tmp_path / "kernels"
+    for _ in range(2):
+        run = subprocess.run(
+            [sys.executable, "-c", CHANGED_NUMBA, "compare", str(path), str(path), "--json"],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "NUMBA_CACHE_DIR": str(kept)},
+            check=True,
+        )
+        assert "in every run, for numba " in run.stderr
+        assert "report this" in run.stderr
+        assert run.stderr.count("\n") == 1
+        assert not list(kept.rglob("*.nbc"))
+
+
 def test_an_interrupt_while_kernels_are_compiled_ends_the_program(tmp_path: Path) -> None:
     mlscli.write_map(tmp_path / "map.npz", map_of([Patch(0, 0, 0.0, 0.0, 0, 1)]))
     with subprocess.Popen(
@@ -83,14 +118,14 @@ def test_an_interrupt_while_kernels_are_compiled_ends_the_program(tmp_path: Path
 SOURCES = {
     "third.py": "NUMBER = 1\n",
     "second.py": """
-from mlscli.kernels import inner
+from mlscli.runtime.kernels import inner
 from mlscli.third import NUMBER
 @inner
 def more(x):
     return x + NUMBER
 """,
     "first.py": """
-from mlscli.kernels import kernel
+from mlscli.runtime.kernels import kernel
 from mlscli.second import more
 @kernel
 def much(x):

@@ -40,7 +40,7 @@ def test_the_file_has_no_name(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_missing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"none: no room for temporary files: .*--scratch"):
+    with pytest.raises(OutputError, match=r"none: no room for temporary files: .*`scratch`"):
         Scratch(tmp_path / "none")
 
 

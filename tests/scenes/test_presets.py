@@ -112,16 +112,16 @@ def test_a_village_has_as_many_houses_as_asked_for() -> None:
     ("arguments", "named"),
     [
         (("brigde",), "did you mean bridge"),
-        (("None",), "--type None"),
-        (("6",), "--type 6"),
+        (("None",), "`type_` None"),
+        (("6",), "`type_` 6"),
         (("bridge", 0.5), "height of the bridge"),
-        (("bridge", float("nan")), "--add-param nan"),
+        (("bridge", float("nan")), "`add_param` nan"),
         (("house", 1.3), "at most 1.2"),
         (("table", 1.0), "table has none"),
-        (("village", 1.0), "--size"),
-        (("bridge", None, 3), "--size 3"),
-        (("village", None, 0), "--size 0"),
-        (("village", None, 501), "--size 501"),
+        (("village", 1.0), "`size`"),
+        (("bridge", None, 3), "`size` 3"),
+        (("village", None, 0), "`size` 0"),
+        (("village", None, 501), "`size` 501"),
     ],
 )
 def test_what_a_scene_does_not_take_is_refused(arguments: tuple[Any, ...], named: str) -> None:

@@ -67,5 +67,5 @@ def test_the_report_holds_every_row(rows: list[StageWorth]) -> None:
 
 
 def test_without_a_seed_there_is_no_table() -> None:
-    with pytest.raises(UsageError, match="--seeds"):
+    with pytest.raises(UsageError, match="`seeds`"):
         table(["planes"], [0.1], seeds=[])

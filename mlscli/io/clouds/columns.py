@@ -70,7 +70,7 @@ def parse_columns(columns: str) -> dict[str, int]:
         fault = _missing(names)
     if fault:
         raise UsageError(
-            f"--columns {columns}: {fault}; the names are {', '.join(COLUMNS)}, each at most "
+            f"`columns` {columns}: {fault}; the names are {', '.join(COLUMNS)}, each at most "
             "once, and - for a column to skip; x, y and z are needed"
         )
     return {name: names.index(name) for name in names if name != "-"}

@@ -1,6 +1,6 @@
 """Text clouds: columns of numbers, one point a line.
 
-Columns are x y z [keyframe] by position, or as a header or ``--columns`` names them. Blanks,
+Columns are x y z [keyframe] by position, or as a header or `columns` names them. Blanks,
 tabs, commas and semicolons separate, also mixed; of these a comma or semicolon with nothing
 before it holds the place of a missing value, and separators at the end of a line mean nothing.
 ``#`` begins a comment; so does ``//`` at the start of a line. A file is cleaned into plain
@@ -112,7 +112,7 @@ class _Parser:
         if self.guessed:
             self.notes.append(
                 f"{self.path}: the fourth column holds whole numbers and is taken as the keyframe; "
-                "--columns x,y,z says that it is not"
+                "`columns` x,y,z says that it is not"
             )
         names = list(self.layout)
         # Blocks read before the fourth column turned out to be no keyframe still hold it.
@@ -167,7 +167,7 @@ class _Parser:
         if is_trajectory(words for row in rows if (words := lines.fields(row))):
             raise InputError(
                 f"{self.path}: holds no cloud but a trajectory (stamp x y z qx qy qz qw): name the "
-                "cloud, and this file after --route; --columns x,y,z takes it for points all the "
+                "cloud, and this file after `route`; `columns` x,y,z takes it for points all the "
                 "same"
             )
 
@@ -226,4 +226,4 @@ def _all_whole(values: Float64) -> bool:
 
 
 def _unused(path: Path, what: str) -> str:
-    return f"{path}: the {what} not used; --columns says what they hold"
+    return f"{path}: the {what} not used; `columns` says what they hold"

@@ -154,7 +154,7 @@ class TopicSource:
         named = [c for c in self._container.channels if _same(c.topic, topic)]
         if named and not any(channel.type in POSE_TYPES for channel in named):
             raise UsageError(
-                f"{self.path}: --pose-topic {topic}: {named[0].type} tells no poses; can be used: "
+                f"{self.path}: `pose_topic` {topic}: {named[0].type} tells no poses; can be used: "
                 f"{', '.join(POSE_TYPES)}"
             )
         yield from (poses for _, poses in self._told(POSE_TYPES, topic))
@@ -224,7 +224,7 @@ class TopicSource:
             )
         if len(mappable) > 1:
             raise UsageError(
-                f"{self.path}: holds {len(mappable)} topics with clouds, of which --topic picks "
+                f"{self.path}: holds {len(mappable)} topics with clouds, of which `topic` picks "
                 f"one: {_listed(mappable)}"
             )
         return mappable[0]
@@ -233,12 +233,12 @@ class TopicSource:
         named = [topic for topic in self._topics if _same(topic.name, name)]
         if not named:
             raise UsageError(
-                f"{self.path}: --topic {name}: no such topic, found {_listed(self._topics)}"
+                f"{self.path}: `topic` {name}: no such topic, found {_listed(self._topics)}"
                 f"{self._damage()}"
             )
         topic = next((topic for topic in named if topic.mappable), named[0])
         if not topic.mappable:
-            raise UsageError(f"{self.path}: --topic {name}: {topic.why_not}")
+            raise UsageError(f"{self.path}: `topic` {name}: {topic.why_not}")
         return topic
 
     def _damage(self) -> str:

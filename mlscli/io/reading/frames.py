@@ -83,7 +83,7 @@ def told_track(sources: Sequence[Source], topic: str) -> Track:
     if not len(stamps):
         there = [t.name for source in sources for t in source.topics() if t.poses]
         raise UsageError(
-            f"--pose-topic {topic}: found no poses; topics with poses: {', '.join(there) or 'none'}"
+            f"`pose_topic` {topic}: found no poses; topics with poses: {', '.join(there) or 'none'}"
         )
     frames = sorted(
         {(bare(poses.parent), bare(poses.child)) for poses in told if len(poses.stamps)}
@@ -91,7 +91,7 @@ def told_track(sources: Sequence[Source], topic: str) -> Track:
     if len(frames) > 1:
         found = ", ".join(f"of {child or 'no frame'!r} in {parent!r}" for parent, child in frames)
         raise InputError(
-            f"--pose-topic {topic}: tells poses {found}; expected those of one frame in one other"
+            f"`pose_topic` {topic}: tells poses {found}; expected those of one frame in one other"
         )
     track = PoseTrack(
         stamps,
@@ -108,20 +108,20 @@ def mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) ->
     for frame in sorted({bare(source.frame_id) for source in sources}):
         if frame in tree.frames:
             raise UsageError(
-                f"--extrinsic: the recording's transforms tell where {frame!r} is; leave it out"
+                f"`extrinsic`: the recording's transforms tell where {frame!r} is; leave it out"
             )
         if not frame or is_world(frame):
             stated = f"in the frame {frame!r}" if frame else "in no frame"
-            raise UsageError(f"--extrinsic: the clouds are {stated}, which is on no craft")
+            raise UsageError(f"`extrinsic`: the clouds are {stated}, which is on no craft")
         if body is None:
             raise UsageError(
-                "--extrinsic: the recording does not tell how the craft moves, found the frames "
-                f"{', '.join(tree.frames) or 'none'}; give --pose-topic too"
+                "`extrinsic`: the recording does not tell how the craft moves, found the frames "
+                f"{', '.join(tree.frames) or 'none'}; give `pose_topic` too"
             )
         tree.add_static(
             body, frame, np.array(mounting.translation), np.array(mounting.rotation, dtype=float)
         )
-        notes.append(f"--extrinsic: {frame!r} is taken as mounted on {body!r}")
+        notes.append(f"`extrinsic`: {frame!r} is taken as mounted on {body!r}")
     return notes
 
 
@@ -211,8 +211,8 @@ def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
     """Say what the user can do about clouds in a sensor's frame."""
     root = tree.ancestors(frame)[-1]
     tell = f"the transforms lead to {root!r} only" if root != frame else "no transforms lead on"
-    ways = [f"--pose-topic {t.name} moves them with the craft" for t in source.topics() if t.poses]
-    return "; ".join([tell, *ways[:2], f"where {root!r} stands still, --frame {root} says so"])
+    ways = [f"`pose_topic` {t.name} moves them with the craft" for t in source.topics() if t.poses]
+    return "; ".join([tell, *ways[:2], f"where {root!r} stands still, `frame` {root} says so"])
 
 
 @contextmanager

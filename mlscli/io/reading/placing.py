@@ -95,7 +95,7 @@ class Placing:
         frame_id = map_frame(sources, asked.frame, tree, track)
         placing = cls(frame_id, asked, tree, track, notes=notes)
         if track is not None:
-            with named(f"--pose-topic {asked.pose_topic}"):
+            with named(f"`pose_topic` {asked.pose_topic}"):
                 tree.check_way(frame_id, track.parent or frame_id)
         for source in sources:
             placing._check(source)
@@ -199,8 +199,8 @@ class Placing:
             )
         if mount is None and frame != body:
             self.notes.append(
-                f"--pose-topic {self._asked.pose_topic}: the mounting of {frame or 'the sensor'!r} "
-                "on the craft is not known and taken as none; --extrinsic gives it"
+                f"`pose_topic` {self._asked.pose_topic}: the mounting of {frame or 'the sensor'!r} "
+                "on the craft is not known and taken as none; `extrinsic` gives it"
             )
 
         def way(stamp: float) -> Pose | None:

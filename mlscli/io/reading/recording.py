@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from mlscli.errors import InputError, UsageError
+from mlscli.errors import InputError, UsageError, expect
 from mlscli.geometry.transforms import bare
 from mlscli.geometry.up import UP_AXES
+from mlscli.io.clouds.pointarray import PointArray
 from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
 from mlscli.io.reading.formats import open_source
 from mlscli.io.reading.frames import Mounting
@@ -24,15 +25,16 @@ from mlscli.io.reading.tally import UNPLACED, Tally
 from mlscli.io.reading.upright import Upright
 from mlscli.io.source import Clock, Cloud, Reading, Source
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Keyframe
+from mlscli.runtime.arrays import Array
 
 if TYPE_CHECKING:
     from mlscli.geometry.up import Up
 
 AUTO = "auto"
-"""The value of ``--up`` that asks for the vertical to be found."""
+"""The value of `up` that asks for the vertical to be found."""
 
 _TIMELESS = (
-    "the time in the headers of all clouds is 0; --time-source log takes the times of recording"
+    "the time in the headers of all clouds is 0; `time_source` log takes the times of recording"
 )
 
 
@@ -121,6 +123,10 @@ class Recording:
         spans = np.array([source.time_span() for source in self._sources])
         return self._selection.duration(float(spans[:, 0].min()), float(spans[:, 1].max()))
 
+    def __iter__(self) -> Iterator[Keyframe]:
+        """Read the keyframes; see `keyframes`."""
+        return self.keyframes()
+
     def keyframes(self) -> Iterator[Keyframe]:
         """Read the keyframes from the first to the last; each call begins anew.
 
@@ -197,7 +203,7 @@ class Recording:
         clock = "header" if "time_source" in self.options else "log"
         return (
             f"the clouds begin at {self.tally.began:.3f} s, where transforms and poses do not "
-            f"reach; --time-source {clock} takes other times, --frame says which frame stands still"
+            f"reach; `time_source` {clock} takes other times, `frame` says which frame stands still"
         )
 
     def _emptiness(self) -> str:
@@ -209,7 +215,7 @@ class Recording:
         elif tally.unplaced == tally.keyframes > 0:
             losses = f"; {self._out_of_reach()}{losses}"
         if not tally.keyframes:
-            where = " between --start and --end" if self._selection.by_time else ""
+            where = " between `start` and `end`" if self._selection.by_time else ""
             return f"{sources}: holds no keyframes{where}{losses}"
         reasons = ", ".join(f"{count:,} {reason}" for reason, count in tally.dropped.items())
         dropped = f" to map: all {tally.points_read:,} were dropped, {reasons}" if reasons else ""
@@ -217,7 +223,7 @@ class Recording:
 
 
 def open_recording(
-    *sources: str | os.PathLike[str],
+    *sources: str | os.PathLike[str] | Array,
     topic: str | None = None,
     columns: str | None = None,
     start: float | None = None,
@@ -237,8 +243,8 @@ def open_recording(
 
     Parameters
     ----------
-    *sources : paths
-        Read in turn; their formats are told by content.
+    *sources : paths, or arrays (N, 3)
+        Read in turn; the formats of files are told by content.
     topic : str, optional
         The topic of the clouds in bags that have several.
     columns : str, optional
@@ -268,6 +274,8 @@ def open_recording(
 
     Raises
     ------
+    TypeError
+        A source is neither a path nor an array.
     UsageError
         An option is out of range, or fits no source, or the topic is ambiguous.
     InputError
@@ -275,23 +283,24 @@ def open_recording(
     """
     selection = Selection(start, end, every, crop)
     if up not in (*UP_AXES, AUTO):
-        raise UsageError(f"--up {up}: expected one of {', '.join(UP_AXES)}, {AUTO}")
+        raise UsageError(f"`up` {up}: expected one of {', '.join(UP_AXES)}, {AUTO}")
     if frame is not None and not bare(frame):
-        raise UsageError("--frame: expected the name of the map frame, found nothing")
+        raise UsageError("`frame`: expected the name of the map frame, found nothing")
     if time_source not in get_args(Clock):
         expected = ", ".join(get_args(Clock))
-        raise UsageError(f"--time-source {time_source}: expected one of {expected}")
+        raise UsageError(f"`time_source` {time_source}: expected one of {expected}")
     if not sources:
         raise UsageError("no source given: expected at least one recording")
-    opened = [open_source(Path(source), Reading(topic, columns, time_source)) for source in sources]
+    reading = Reading(topic, columns, time_source)
+    opened = [_opened(source, reading) for source in sources]
     if glance is not None:
         opened = [glance.of(source) for source in opened]
     has_topics = [bool(source.topics()) for source in opened]
     is_text = [source.kind == "text cloud" for source in opened]
-    _check_applies("--topic", topic, has_topics, "a bag")
-    _check_applies("--pose-topic", pose_topic, has_topics, "a bag")
-    _check_applies("--extrinsic", _listed(extrinsic), has_topics, "a bag")
-    _check_applies("--columns", columns, is_text, "a text cloud")
+    _check_applies("topic", topic, has_topics, "a bag")
+    _check_applies("pose_topic", pose_topic, has_topics, "a bag")
+    _check_applies("extrinsic", _listed(extrinsic), has_topics, "a bag")
+    _check_applies("columns", columns, is_text, "a text cloud")
     trajectory = None if route is None else read_trajectory(Path(route))
     placing = Placing.of(opened, Asked(frame, pose_topic, _mounting(extrinsic), trajectory))
     given = {
@@ -322,6 +331,14 @@ def open_recording(
     return recording
 
 
+def _opened(source: str | os.PathLike[str] | Array, reading: Reading) -> Source:
+    expected = "the path of a recording, or points as an array (N, 3)"
+    expect(source, (str, os.PathLike, np.ndarray), "sources", expected)
+    if isinstance(source, np.ndarray):
+        return PointArray(source)
+    return open_source(Path(source), reading)
+
+
 def _find_up(recording: Recording, trajectory: Trajectory | None) -> Up:
     """Find the vertical of a recording in a pass of its own."""
     from mlscli.geometry.surroundings import PointSample
@@ -342,7 +359,7 @@ def _mounting(extrinsic: Sequence[float] | None) -> Mounting | None:
         return None
     if len(extrinsic) != 7 or not np.isfinite(extrinsic).all() or not any(extrinsic[3:]):
         raise UsageError(
-            f"--extrinsic {_listed(extrinsic)}: expected x,y,z,qx,qy,qz,qw, finite numbers, the "
+            f"`extrinsic` {_listed(extrinsic)}: expected x,y,z,qx,qy,qz,qw, finite numbers, the "
             "quaternion not all 0"
         )
     x, y, z, *rotation = extrinsic
@@ -354,6 +371,6 @@ def _listed(numbers: Sequence[float] | None) -> str | None:
     return None if numbers is None else ",".join(f"{number:g}" for number in numbers)
 
 
-def _check_applies(option: str, value: object, applies: Sequence[bool], what: str) -> None:
+def _check_applies(argument: str, value: object, applies: Sequence[bool], what: str) -> None:
     if value is not None and not any(applies):
-        raise UsageError(f"{option} {value}: no source is {what}")
+        raise UsageError(f"`{argument}` {value}: no source is {what}")

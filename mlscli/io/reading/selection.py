@@ -38,15 +38,15 @@ class Selection:
     crop: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
-        for option, time in (("--start", self.start), ("--end", self.end)):
+        for argument, time in (("start", self.start), ("end", self.end)):
             if time is not None and math.isnan(time):
-                raise UsageError(f"{option} {time}: expected seconds")
+                raise UsageError(f"`{argument}` {time}: expected seconds")
         if self.start is not None and self.end is not None:
             same_clock = (self.start < _RELATIVE_BELOW) == (self.end < _RELATIVE_BELOW)
             if same_clock and self.start >= self.end:
-                raise UsageError(f"--start {self.start} is not before --end {self.end}")
+                raise UsageError(f"`start` {self.start} is not before `end` {self.end}")
         if self.every < 1:
-            raise UsageError(f"--every {self.every}: expected a whole number of at least 1")
+            raise UsageError(f"`every` {self.every}: expected a whole number of at least 1")
         if self.crop is not None:
             _check_crop(self.crop)
 
@@ -76,7 +76,7 @@ class Selection:
             if not self.by_time:
                 return True
             if math.isnan(stamp):
-                raise UsageError("--start, --end: the recording has no time stamps to go by")
+                raise UsageError("`start`, `end`: the recording has no time stamps to go by")
             if beginning is None:
                 beginning = stamp
             start = _absolute(self.start, beginning, -math.inf)
@@ -93,7 +93,7 @@ def _absolute(time: float | None, beginning: float, default: float) -> float:
 
 
 def _check_crop(crop: Sequence[float]) -> None:
-    given = f"--crop {','.join(f'{bound:g}' for bound in crop)}"
+    given = f"`crop` {','.join(f'{bound:g}' for bound in crop)}"
     if len(crop) != 6 or any(math.isnan(bound) for bound in crop):
         raise UsageError(f"{given}: expected six numbers xmin,xmax,ymin,ymax,zmin,zmax")
     for axis, low, high in zip("xyz", crop[::2], crop[1::2], strict=True):

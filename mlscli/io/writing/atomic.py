@@ -35,7 +35,7 @@ def refuse_existing(
     if not target.parent.is_dir():
         raise OutputError(f"{target}: the folder {target.parent} does not exist")
     if target.exists() and not overwrite:
-        raise OutputError(f"{target}: exists already; choose another name or add --overwrite")
+        raise OutputError(f"{target}: exists already; choose another name or add `overwrite`")
 
 
 @contextmanager

@@ -115,7 +115,7 @@ def refuse_existing_bag(path: str | os.PathLike[str], kind: Kind, *, overwrite: 
             raise OutputError(f"{target}: is a file, and a ROS 2 bag is a folder; name another")
         refuse_existing(target, overwrite=overwrite)
     elif not overwrite:
-        raise OutputError(f"{target}: exists already; choose another name or add --overwrite")
+        raise OutputError(f"{target}: exists already; choose another name or add `overwrite`")
     elif not (target / METADATA_FILE).is_file():
         raise OutputError(
             f"{target}: is a folder without {METADATA_FILE}, and so no ROS 2 bag to be replaced; "

@@ -24,7 +24,8 @@ from mlscli.io.writing.atomic import atomic_write, refuse_existing
 from mlscli.runtime.arrays import Array, Int32, UInt8
 
 if TYPE_CHECKING:
-    from mlscli.mesh import Mesh
+    from mlscli.maps.surface_map import SurfaceMap
+from mlscli.mesh import Mesh, mesh_of
 
 # Lengths in the file's headers are uint32.
 MAX_GLB_BYTES = 2**32 - 1
@@ -47,15 +48,27 @@ class _Primitive(NamedTuple):
     indices: Array
 
 
-def write_glb(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = False) -> None:
+def write_glb(
+    path: str | os.PathLike[str], mesh: Mesh | SurfaceMap, *, overwrite: bool = False
+) -> None:
     """Write a mesh as GLB, whole or not at all.
+
+    Parameters
+    ----------
+    path
+    mesh : Mesh or SurfaceMap
+        Of a map, the mesh that `build_mesh` makes by default is written.
+    overwrite : bool
 
     Raises
     ------
+    TypeError
+        It is neither a mesh nor a map.
     OutputError
         Where the file exists and `overwrite` is False, it cannot be written, or the mesh takes
         more than the 4 GiB that a GLB file can hold.
     """
+    mesh = mesh_of(mesh)
     refuse_existing(path, overwrite=overwrite)
     elements = (mesh.triangles, mesh.lines, mesh.points)
     at_most = sum(indices.size for indices in elements) * 4 + len(mesh.vertices) * 3 * 16

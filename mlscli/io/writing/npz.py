@@ -19,7 +19,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from mlscli.errors import InputError, MlsError
+from mlscli.errors import InputError, MlsError, expect
 from mlscli.io.writing.atomic import atomic_write
 from mlscli.maps.stored_map import StoredMap, column_of
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
@@ -46,6 +46,7 @@ def write_map(
     OutputError
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
+    expect(surface, (SurfaceMap, StoredMap), "surface", "a map (SurfaceMap)")
     with (
         atomic_write(path, overwrite=overwrite) as stream,
         zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive,

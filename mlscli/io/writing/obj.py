@@ -21,7 +21,8 @@ from mlscli.io.writing.atomic import atomic_write, refuse_existing
 from mlscli.runtime.arrays import Array, Float64, UInt8
 
 if TYPE_CHECKING:
-    from mlscli.mesh import Mesh
+    from mlscli.maps.surface_map import SurfaceMap
+from mlscli.mesh import Mesh, mesh_of
 
 # Vertices are numbered from 1, and readers keep the numbers in int32.
 MAX_OBJ_VERTICES = 2**31 - 1
@@ -30,15 +31,27 @@ MAX_OBJ_VERTICES = 2**31 - 1
 CHUNK = 2**18
 
 
-def write_obj(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = False) -> None:
+def write_obj(
+    path: str | os.PathLike[str], mesh: Mesh | SurfaceMap, *, overwrite: bool = False
+) -> None:
     """Write a mesh as OBJ and its materials beside it, both whole or neither.
+
+    Parameters
+    ----------
+    path
+    mesh : Mesh or SurfaceMap
+        Of a map, the mesh that `build_mesh` makes by default is written.
+    overwrite : bool
 
     Raises
     ------
+    TypeError
+        It is neither a mesh nor a map.
     OutputError
         Where one of the files exists and `overwrite` is False, or cannot be written, the name
         cannot be named in an OBJ file, or the mesh has too many vertices.
     """
+    mesh = mesh_of(mesh)
     target = Path(path)
     materials = target.with_suffix(".mtl")
     if materials == target:

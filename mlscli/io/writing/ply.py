@@ -18,7 +18,8 @@ from mlscli.io.writing.atomic import atomic_write, refuse_existing
 from mlscli.runtime.arrays import Array
 
 if TYPE_CHECKING:
-    from mlscli.mesh import Mesh
+    from mlscli.maps.surface_map import SurfaceMap
+from mlscli.mesh import Mesh, mesh_of
 
 # Face and edge elements count vertices in int32.
 MAX_PLY_VERTICES = 2**31 - 1
@@ -28,15 +29,27 @@ FACE = np.dtype([("corners", "u1"), ("vertices", "<i4", 3)])
 EDGE = np.dtype([("vertices", "<i4", 2)])
 
 
-def write_ply(path: str | os.PathLike[str], mesh: Mesh, *, overwrite: bool = False) -> None:
+def write_ply(
+    path: str | os.PathLike[str], mesh: Mesh | SurfaceMap, *, overwrite: bool = False
+) -> None:
     """Write a mesh as PLY, whole or not at all.
+
+    Parameters
+    ----------
+    path
+    mesh : Mesh or SurfaceMap
+        Of a map, the mesh that `build_mesh` makes by default is written.
+    overwrite : bool
 
     Raises
     ------
+    TypeError
+        It is neither a mesh nor a map.
     OutputError
         Where the file exists and `overwrite` is False, it cannot be written, or the mesh has
         more vertices than PLY's int can number.
     """
+    mesh = mesh_of(mesh)
     refuse_existing(path, overwrite=overwrite)
     if len(mesh.vertices) > MAX_PLY_VERTICES:
         raise OutputError(

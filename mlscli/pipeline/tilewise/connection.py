@@ -41,7 +41,7 @@ def refuse_local(scheduler: str | None) -> None:
     """
     if scheduler == LOCAL:
         raise UsageError(
-            f"--memory: does not count what workers of --scheduler {LOCAL} take; say --jobs"
+            f"`memory`: does not count what workers of `scheduler` {LOCAL} take; say `jobs`"
         )
 
 
@@ -55,7 +55,7 @@ def check_address(scheduler: str) -> None:
     match = _ADDRESS.fullmatch(scheduler)
     if scheduler != LOCAL and (match is None or not 0 < int(match[3]) < 2**16):
         raise UsageError(
-            f"--scheduler {scheduler}: is no address; write tcp://host:port as dask's scheduler "
+            f"`scheduler` {scheduler}: is no address; write tcp://host:port as dask's scheduler "
             f"prints it, or {LOCAL} for a cluster on this machine"
         )
 
@@ -86,7 +86,7 @@ def connected(scheduler: str) -> Iterator[Cluster]:
                 import distributed
         except ImportError as error:
             raise UsageError(
-                f"--scheduler: Dask cannot be loaded ({error}); pip install 'mlscli[dask]'"
+                f"`scheduler`: Dask cannot be loaded ({error}); pip install 'mlscli[dask]'"
             ) from error
         stack.enter_context(dask.config.set(_LARGE))
         if scheduler == LOCAL:
@@ -107,7 +107,7 @@ def _reached(address: str, distributed: Any) -> Iterator[Any]:
             client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
     except Exception as error:
         why = first_line(error) or f"nothing said within {ANSWER} s"
-        raise ClusterError(f"--scheduler {address}: no scheduler answers there: {why}") from error
+        raise ClusterError(f"`scheduler` {address}: no scheduler answers there: {why}") from error
     with client:
         yield client
 
@@ -146,7 +146,7 @@ def _started(dask: Any, distributed: Any) -> Iterator[Any]:
             client.wait_for_workers(processors(), timeout=START)
         except TimeoutError:
             raise ClusterError(
-                f"--scheduler {LOCAL}: the workers did not start within {START} s; say --jobs"
+                f"`scheduler` {LOCAL}: the workers did not start within {START} s; say `jobs`"
             ) from None
         yield client
 

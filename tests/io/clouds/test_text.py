@@ -179,7 +179,7 @@ def test_a_fourth_column_of_anything_else_is_not_used_and_told(
     assert [c.points.tolist() for c in cloud.clouds()] == [[[1, 0, 0], [2, 0, 0], [3, 0, 0]]]
     (note,) = cloud.notes
     assert "fourth column" in note
-    assert "--columns" in note
+    assert "`columns`" in note
 
 
 def test_columns_after_the_fourth_make_none_a_keyframe_and_are_told(tmp_path: Path) -> None:
@@ -223,7 +223,7 @@ def test_a_trajectory_given_for_a_cloud_is_refused_unless_columns_say_otherwise(
         ("euroc_orb3_KeyFrameTrajectory.txt", 310),
     ):
         path = shared_data / "sparse" / name
-        with pytest.raises(InputError, match="--route"):
+        with pytest.raises(InputError, match="`route`"):
             list(TextCloud(path).clouds())
         (cloud,) = TextCloud(path, "-,x,y,z").clouds()
         assert len(cloud.points) == poses

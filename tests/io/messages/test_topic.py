@@ -154,7 +154,7 @@ def test_with_several_cloud_topics_the_error_lists_them(
 ) -> None:
     bag = write_bag(tmp_path / "flight.bag", messages, topics=["/left", "/right"])
 
-    with pytest.raises(UsageError, match="--topic") as error:
+    with pytest.raises(UsageError, match="`topic`") as error:
         list(open_source(bag).clouds())
     for words in ("/left", "/right", "PointCloud2 x 4"):
         assert words in str(error.value)
@@ -167,7 +167,7 @@ def test_a_topic_that_is_not_there_lists_those_that_are(
 ) -> None:
     bag = write_bag(tmp_path / "flight.bag", messages)
 
-    with pytest.raises(UsageError, match="--topic /cluod: no such topic, found /cloud"):
+    with pytest.raises(UsageError, match="`topic` /cluod: no such topic, found /cloud"):
         list(open_source(bag, Reading(topic="/cluod")).clouds())
 
 
@@ -185,7 +185,7 @@ def test_a_bag_without_clouds_says_what_it_holds_and_what_can_be_mapped(
         ("/tf", 517, False),
         ("/tf_static", 1, False),
     }
-    with pytest.raises(UsageError, match="--topic /tf: tf2_msgs/msg/TFMessage cannot be mapped"):
+    with pytest.raises(UsageError, match="`topic` /tf: tf2_msgs/msg/TFMessage cannot be mapped"):
         list(open_source(shared_data / "bags" / name, Reading(topic="/tf")).clouds())
 
 

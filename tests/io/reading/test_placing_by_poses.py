@@ -63,7 +63,7 @@ def test_poses_in_a_frame_below_the_map_are_moved_on(tmp_path: Path) -> None:
 def test_poses_in_a_frame_that_nothing_leads_from_are_an_error(tmp_path: Path) -> None:
     messages = [odometry(0, FIRST), odometry(4, SECOND_POSE), cloud(0, "base_link")]
 
-    with pytest.raises(InputError, match=r"--pose-topic /odometry: .*'odom' to 'map'"):
+    with pytest.raises(InputError, match=r"`pose_topic` /odometry: .*'odom' to 'map'"):
         opened(tmp_path, messages, pose_topic="/odometry", frame="map")
 
 
@@ -103,7 +103,7 @@ def test_poses_of_several_bodies_in_one_topic_are_not_mixed(tmp_path: Path) -> N
     ]
 
     with pytest.raises(
-        InputError, match=r"--pose-topic /odometry: .*'arm' in 'odom', of 'base_link'"
+        InputError, match=r"`pose_topic` /odometry: .*'arm' in 'odom', of 'base_link'"
     ):
         opened(tmp_path, messages, pose_topic="/odometry")
 

@@ -106,7 +106,7 @@ def test_a_root_below_which_something_moves_is_a_map(tmp_path: Path) -> None:
 def test_a_root_that_all_hangs_below_unmoved_is_a_part_of_the_craft(tmp_path: Path) -> None:
     messages = [transform(0, "mast", "lidar", MOUNT, stays=True), cloud(0, "lidar")]
 
-    with pytest.raises(InputError, match="lead to 'mast' only; where 'mast' stands still, --frame"):
+    with pytest.raises(InputError, match="lead to 'mast' only; where 'mast' stands still, `frame`"):
         opened(tmp_path, messages)
     assert_near(
         clouds_of(open_recording(tmp_path / "flight", frame="mast")), [moved(matrix(MOUNT))]

@@ -92,7 +92,7 @@ def test_the_user_tells_it_beside_transforms_of_the_craft(tmp_path: Path) -> Non
         ([*moving(), cloud(0, "map")], "transforms tell where 'map' is; leave it out"),
         ([*moving(), cloud(0, "world")], "in the frame 'world', which is on no craft"),
         ([*moving(), cloud(0, "")], "in no frame, which is on no craft"),
-        ([cloud(0, "lidar")], "found the frames none; give --pose-topic too"),
+        ([cloud(0, "lidar")], "found the frames none; give `pose_topic` too"),
     ],
 )
 def test_a_mounting_that_fits_nothing_is_wrong_usage(

@@ -69,7 +69,7 @@ def test_clouds_that_state_no_frame_are_taken_as_they_are(tmp_path: Path) -> Non
 def test_clouds_of_a_sensor_need_their_frame_declared(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)), frame_id="lidar")])
 
-    with pytest.raises(InputError, match=r"/cloud: .*'lidar'.* world frame .*--frame lidar"):
+    with pytest.raises(InputError, match=r"/cloud: .*'lidar'.* world frame .*`frame` lidar"):
         open_recording(bag)
     assert open_recording(bag, frame="/lidar").frame_id == "lidar"
     assert xs(open_recording(bag, frame="lidar")) == [1]
@@ -170,13 +170,13 @@ def test_several_sources_are_one_flight_in_the_order_given(tmp_path: Path) -> No
 
 
 def test_options_that_fit_no_source_are_wrong_usage(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--topic /cloud: no source is a bag"):
+    with pytest.raises(UsageError, match="`topic` /cloud: no source is a bag"):
         open_recording(text(tmp_path, "1 2 3\n"), topic="/cloud")
     bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)))])
-    with pytest.raises(UsageError, match="--columns x,y,z: no source is a text cloud"):
+    with pytest.raises(UsageError, match="`columns` x,y,z: no source is a text cloud"):
         open_recording(bag, columns="x,y,z")
     (tmp_path / "a.ply").write_bytes(b"ply\n")
-    with pytest.raises(UsageError, match="--columns x,y,z: no source is a text cloud"):
+    with pytest.raises(UsageError, match="`columns` x,y,z: no source is a text cloud"):
         open_recording(tmp_path / "a.ply", columns="x,y,z")
 
 
@@ -184,7 +184,7 @@ def test_options_that_fit_no_source_are_wrong_usage(tmp_path: Path) -> None:
     ("options", "words"),
     [
         ({"crop": (50, 60, 0, 0, 0, 0)}, "all 6 were dropped, 6 outside the crop"),
-        ({"start": 99.0}, "holds no keyframes between --start and --end"),
+        ({"start": 99.0}, "holds no keyframes between `start` and `end`"),
     ],
 )
 def test_a_pass_that_yields_nothing_ends_in_an_error_that_says_why(

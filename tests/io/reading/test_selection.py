@@ -72,14 +72,14 @@ def test_times_without_time_stamps_are_wrong_usage(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"up": "w"}, "--up w: expected one of z, -z, y, -y, x, -x, auto"),
-        ({"every": 0}, "--every 0"),
-        ({"start": 2.0, "end": 1.0}, "--start 2.0 is not before --end 1.0"),
-        ({"start": math.nan}, "--start nan"),
+        ({"up": "w"}, "`up` w: expected one of z, -z, y, -y, x, -x, auto"),
+        ({"every": 0}, "`every` 0"),
+        ({"start": 2.0, "end": 1.0}, "`start` 2.0 is not before `end` 1.0"),
+        ({"start": math.nan}, "`start` nan"),
         ({"crop": (0, 1, 0, 1, 2, 1)}, "zmin 2 is above zmax 1"),
         ({"crop": (0, 1, 0, 1)}, "expected six numbers"),
         ({"crop": (0, 1, 0, 1, 0, math.nan)}, "expected six numbers"),
-        ({"frame": "/"}, "--frame"),
+        ({"frame": "/"}, "`frame`"),
     ],
 )
 def test_wrong_options_are_told_before_anything_is_read(

@@ -67,7 +67,7 @@ def test_what_is_not_known_stays_unknown(tmp_path: Path) -> None:
 def test_an_existing_file_is_replaced_only_on_request(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("mine")
-    with pytest.raises(OutputError, match="--overwrite"):
+    with pytest.raises(OutputError, match="`overwrite`"):
         write_text(path, flight())
     assert path.read_text() == "mine"
     write_text(path, flight(), overwrite=True)

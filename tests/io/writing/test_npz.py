@@ -175,7 +175,7 @@ def test_a_map_is_told_by_content(written: Path, tmp_path: Path) -> None:
 
 def test_an_existing_file_is_replaced_only_when_asked(surface: SurfaceMap, written: Path) -> None:
     before = written.read_bytes()
-    with pytest.raises(OutputError, match="--overwrite"):
+    with pytest.raises(OutputError, match="`overwrite`"):
         write_map(written, surface)
     assert written.read_bytes() == before
     write_map(written, surface.take(np.arange(1)), overwrite=True)

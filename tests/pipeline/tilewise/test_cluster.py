@@ -227,7 +227,7 @@ def test_a_scheduler_lost_at_work_is_told(monkeypatch: pytest.MonkeyPatch) -> No
 )
 def test_an_address_that_is_none_is_wrong_usage(words: str) -> None:
     with (
-        pytest.raises(UsageError, match=r"--scheduler .*: is no address; write tcp://host:port"),
+        pytest.raises(UsageError, match=r"`scheduler` .*: is no address; write tcp://host:port"),
         connected(words),
     ):
         pass
@@ -235,7 +235,7 @@ def test_an_address_that_is_none_is_wrong_usage(words: str) -> None:
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    told = r"--scheduler: .*pip install 'mlscli\[dask\]'"
+    told = r"`scheduler`: .*pip install 'mlscli\[dask\]'"
     with pytest.raises(UsageError, match=told), connected("local"):
         pass
 
@@ -245,7 +245,7 @@ def test_where_no_scheduler_answers_it_says_so_soon(monkeypatch: pytest.MonkeyPa
     begin = time.monotonic()
     with socket.create_server(("127.0.0.1", 0)) as mute:
         for port in (9, mute.getsockname()[1]):
-            told = f"--scheduler tcp://127.0.0.1:{port}: no scheduler answers there: "
+            told = f"`scheduler` tcp://127.0.0.1:{port}: no scheduler answers there: "
             with (
                 pytest.raises(ClusterError, match=told) as error,
                 connected(f"tcp://127.0.0.1:{port}"),

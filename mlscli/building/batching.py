@@ -1,0 +1,103 @@
+"""Keyframes gathered into batches, and the route that they make.
+
+Every keyframe takes the next row of the route. Points beyond the grid are dropped here, and
+counted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlscli.keyframes.batches import Points, gather
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.cells import on_grid
+from mlscli.pipeline.report import Report
+from mlscli.runtime.arrays import Float64
+
+BEYOND_GRID = "cell index beyond int32"
+
+
+class BatchGatherer:
+    """Gathers keyframes until there are points enough for a batch.
+
+    Parameters
+    ----------
+    min_points : int
+        A batch has at least so many, but for one that is closed before.
+    cell_size : float
+        In the unit of the recording.
+    report : Report
+        Counts what is read, what is dropped, and batches.
+
+    Attributes
+    ----------
+    keyframes : int
+        How many are in batches.
+    """
+
+    def __init__(self, min_points: int, cell_size: float, report: Report) -> None:
+        self.keyframes = 0
+        self._min_points = min_points
+        self._cell_size = cell_size
+        self._report = report
+        self._waiting: list[Keyframe] = []
+        self._waiting_points = 0
+        self._batches: list[Points] = []
+        self._routes: list[Float64] = [np.empty((0, 4))]
+        self._routes_taken = 0
+
+    def add(self, keyframe: Keyframe) -> bool:
+        """Take a keyframe, and return whether enough points wait for a batch."""
+        self._waiting.append(keyframe)
+        self._waiting_points += len(keyframe.points)
+        self._report.points_read += len(keyframe.points)
+        return self._waiting_points >= self._min_points
+
+    @property
+    def has_waiting(self) -> bool:
+        """Whether there are keyframes in no batch."""
+        return bool(self._waiting)
+
+    def close(self) -> int:
+        """Make a batch of the keyframes that wait, and return how many points it has."""
+        points, route = gather(self._waiting, self.keyframes)
+        self.keyframes += len(self._waiting)
+        self._waiting, self._waiting_points = [], 0
+        self._routes.append(route)
+        self._report.batches += 1
+        inside = on_grid(points.xyz, self._cell_size)
+        if not inside.all():
+            self._report.drop(BEYOND_GRID, int(np.count_nonzero(~inside)))
+            points = points.take(inside)
+        self._batches.append(points)
+        return points.size
+
+    @property
+    def has_points(self) -> bool:
+        """Whether there is a batch whose points were not taken yet."""
+        return bool(self._batches)
+
+    def take_points(self) -> Points:
+        """Return the points of all batches since the last call; they are not kept here."""
+        if len(self._batches) == 1:
+            return self._batches.pop()
+        size = sum(batch.size for batch in self._batches)
+        points = Points(np.empty((size, 3)), np.empty(size, dtype=np.int32))
+        while self._batches:
+            # From behind, each let go when it is copied: no more is held twice.
+            batch = self._batches.pop()
+            points.xyz[size - batch.size : size] = batch.xyz
+            points.keyframe[size - batch.size : size] = batch.keyframe
+            size -= batch.size
+        return points
+
+    def take_route(self) -> Float64:
+        """Return the rows that the route gained since the last call, float64 (K, 4)."""
+        gained = np.concatenate(self._routes[self._routes_taken :])
+        self._routes_taken = len(self._routes)
+        return gained
+
+    @property
+    def route(self) -> Float64:
+        """The route of all batches, float64 (K, 4): time, x, y, z of the craft."""
+        return np.concatenate(self._routes)

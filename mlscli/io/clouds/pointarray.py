@@ -1,0 +1,41 @@
+"""Points that are in memory already, as an array."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mlscli.errors import UsageError
+from mlscli.io.clouds.pointfile import Content, PointFile
+from mlscli.io.source import Cloud
+from mlscli.runtime.arrays import Array
+
+
+class PointArray(PointFile):
+    """An array of points as a source: one keyframe without a time.
+
+    Parameters
+    ----------
+    points : (N, 3), of any numbers
+        Copied, as float64.
+
+    Raises
+    ------
+    UsageError
+        It has another shape, or holds no numbers.
+    """
+
+    kind = "array"
+
+    def __init__(self, points: Array) -> None:
+        super().__init__(Path("array"))
+        if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
+            raise UsageError(
+                f"an array of points has shape {points.shape} and dtype {points.dtype}; "
+                "expected numbers of shape (N, 3)"
+            )
+        self._points = np.array(points, dtype=np.float64)
+
+    def _read(self) -> Content:
+        return Content([Cloud(self._points)])
