@@ -1,8 +1,8 @@
 """How many times the usual distance of points `cell_size: auto` should be.
 
-Run it as ``python benchmarks/cell_size.py``; it takes a minute. Half of a cell, the measure of
-`mls compare --truth`, would favour large cells. Here the measure does not know the cells: maps and
-truth are cut into squares of a third of the thesis's cell, and a height is right within half of
+Run it as ``python benchmarks/cell_size.py``; it takes a minute. `mls compare --truth` allows errors
+of half a cell, which would favour large cells. Here the measure does not depend on the cells: maps
+and truth are cut into squares of a third of the thesis's cell, and a height is right within half of
 that cell, 0.075.
 """
 
@@ -32,7 +32,7 @@ SHOWN = (("table", "house-storeys", "street", "tunnel", "stair", "parking", "bri
 
 
 def main() -> None:
-    """Print how good maps are for each factor: on the scenes tuned on, and on the others."""
+    """Print the agreement for each factor, on the scenes used for tuning and on the others."""
     print("| factor | scenes tuned on | others |")  # noqa: T201
     print("|--:|--:|--:|")  # noqa: T201
     measured = [measure(*scenes_and_seeds) for scenes_and_seeds in (TUNED, SHOWN)]
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def measure(scenes: tuple[str, ...], seeds: tuple[int, ...]) -> list[str]:
-    """Return for each factor the mean agreement, over all densities and for each of them."""
+    """Return for each of `FACTORS` the mean agreement, over all of `DENSITIES` and for each."""
     table = np.array(
         [
             [
@@ -60,7 +60,14 @@ def measure(scenes: tuple[str, ...], seeds: tuple[int, ...]) -> list[str]:
 
 
 def agreement(flight: Flight, factor: float) -> float:
-    """Return the harmonic mean of completeness and correctness, in squares."""
+    """Return the harmonic mean of completeness and correctness, as shares of squares.
+
+    Parameters
+    ----------
+    flight : Flight
+    factor : float
+        Size of the map's cells, in median distances of a point to its fourth neighbour.
+    """
     # The rule takes two times the median distance of a point to its fourth neighbour.
     size = auto_cell_size(gather(flight.keyframes).points.xyz) / 2 * factor
     parameters = Parameters().with_cell_size(size)
@@ -74,13 +81,13 @@ def agreement(flight: Flight, factor: float) -> float:
 
 
 def near(patches: Patches, others: Patches, reach: int) -> Bool:
-    """Tell which patches the others cover, within the tolerance."""
+    """Return which patches the others within `reach` squares cover, within the tolerance."""
     around = nearby(patches.ix, patches.iy, others.ix, others.iy, reach)
     return covered(patches.low, patches.high, around, others.low, others.high, TOLERANCE)
 
 
 def squares(surface: SurfaceMap) -> Patches:
-    """Return a map's patches once for each square whose middle lies in their cell."""
+    """Return a map's patches, each once for every square whose middle lies in its cell."""
     size = surface.cell_size
     first = np.ceil(np.c_[surface.ix, surface.iy] * size / SQUARE - 0.5).astype(np.int64)
     last = np.ceil(np.c_[surface.ix + 1, surface.iy + 1] * size / SQUARE - 0.5).astype(np.int64)

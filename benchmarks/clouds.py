@@ -1,4 +1,4 @@
-"""The clouds and the map that are measured with."""
+"""The clouds and the map that benchmarks use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ CELL = 0.15
 
 
 def cloud(size: int, density: float) -> Points:
-    """Return points of hills, so many a cell, a third on a level above, a tenth outliers."""
+    """Return points of hills, three in ten of them on a level above, one in ten an outlier.
+
+    Parameters
+    ----------
+    size : int
+        How many points there are.
+    density : float
+        How many of them a cell of size `CELL` holds, on average.
+    """
     rng = np.random.default_rng(1)
     xy = rng.uniform(0, np.sqrt(size / density) * CELL, (size, 2))
     z = 3 * np.sin(xy[:, 0] / 7) * np.cos(xy[:, 1] / 9) + rng.normal(0, CELL / 3, size)
@@ -23,7 +31,7 @@ def cloud(size: int, density: float) -> Points:
 
 
 def plain(side: int) -> SurfaceMap:
-    """Return a map of side x side measured patches whose heights all differ."""
+    """Return a map of `side` by `side` cells, each with a measured patch of another height."""
     size = side * side
     ix, iy = np.divmod(np.arange(size), side)
     height = 3 * np.sin(ix / 50) * np.cos(iy / 70) + np.random.default_rng(1).normal(0, 0.02, size)

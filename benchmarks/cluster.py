@@ -1,8 +1,8 @@
 """What a tile costs on a cluster: ``python -m benchmarks.cluster``.
 
-Dask starts a cluster on this machine. A tile is evaluated in this process, and by a worker, with
-the default stages and with none; what the worker takes longer with none is the transfer: of the
-points through the scheduler, and of the patches back.
+Dask starts a cluster on this machine. A tile is evaluated in this process and by a worker, with the
+default stages and with none. The difference with none is the time of the transfer: of the points
+through the scheduler, and of the patches back.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def evaluate_all(
 @click.option("--points", type=float, default=2e5, show_default=True)
 @click.option("--repeats", type=int, default=7, show_default=True)
 def main(points: float, repeats: int) -> None:
-    """Time a tile here and there."""
+    """Time a tile in this process and on a worker."""
     default = mlscli.load_parameters(None, [f"map.cell_size={CELL}", "median.nb_radius=1 cell"])
     stages = {"default": default, "no stage": replace(default, pipeline=())}
     with connected("local") as cluster:

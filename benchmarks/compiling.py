@@ -1,7 +1,7 @@
 """How long all kernels take to compile: ``python -m benchmarks.compiling`` (a minute).
 
-Commands that use every kernel run in a folder of their own, with an empty cache; what none of them
-uses is named. Printed is the time from the beginning of each compilation to its end.
+Commands that use every kernel run in a new folder, with an empty cache. It prints the sum of the
+times from the beginning of each compilation to its end, and the kernels that no command used.
 """
 
 from __future__ import annotations
@@ -37,7 +37,17 @@ COMMANDS = (
 
 
 class Compiled(NamedTuple):
-    """How long kernels took to compile (s), how many they are, and which were not used."""
+    """How long kernels took to compile.
+
+    Attributes
+    ----------
+    seconds : float
+        Time of all compilations.
+    kernels : int
+        How many kernels the program has.
+    unused : list of str
+        Names of the kernels that no command used.
+    """
 
     seconds: float
     kernels: int
@@ -45,7 +55,7 @@ class Compiled(NamedTuple):
 
 
 def compiled(clock: Callable[[], float]) -> Compiled:
-    """Run the commands in the current folder, in a process that has compiled nothing."""
+    """Run the commands in the current folder; the process must not have compiled anything yet."""
     import mlscli
     from mlscli.cli import Run, commands
 
@@ -71,7 +81,7 @@ def compiled(clock: Callable[[], float]) -> Compiled:
 
 
 class _Stopwatch(event.Listener):
-    """Adds up the time; of a kernel that compiles another, the whole counts once."""
+    """Adds up the time of compilations; one within another counts once."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -90,7 +100,7 @@ class _Stopwatch(event.Listener):
 
 
 def _write_clouds() -> None:
-    """Write a compressed cloud, and one whose records have no fixed length."""
+    """Write a compressed PCD cloud, and a PLY cloud whose records have no fixed length."""
     points = struct.pack("<9f", *range(9))
     # Literal runs of up to 32 bytes, each after its length less one.
     runs = [points[begin : begin + 32] for begin in (0, 32)]

@@ -1,8 +1,8 @@
-"""One map however it is cut: ``python -m benchmarks.equality`` (a quarter of an hour and more).
+"""The same map however it is made: ``python -m benchmarks.equality`` (15 minutes or more).
 
-Recorded clouds grow in batches of many sizes, in the order recorded and shuffled, and are made in
-tiles of many sizes by several threads. Looked at on the way and in the end, each is held against
-the map that one pass over the same points makes, patch by patch and bit for bit.
+Maps of recorded clouds grow in batches of many sizes, in the order recorded and shuffled, and are
+made in tiles of many sizes by several threads. On the way and at the end, each is compared with the
+map that one pass over the same points makes, patch by patch and bit for bit.
 """
 
 from __future__ import annotations
@@ -34,20 +34,30 @@ TELLO = {"columns": "x,y,z,-,-,-,-,keyframe,cx,cy,cz", "up": "-y"}
 
 
 class Recorded(NamedTuple):
-    """A recording, and cells small enough for gaps to be closed."""
+    """A recording and the size of cells for it.
+
+    Attributes
+    ----------
+    path : str
+        The file, in the folder of data.
+    cell_size : float
+        In the unit of the recording; small enough for gaps to be closed.
+    options : mapping
+        Arguments of `open_recording`.
+    """
 
     path: str
     cell_size: float
     options: Mapping[str, Any] = {}
 
     def points(self, data: Path) -> Float64:
-        """Return the points, z up."""
+        """Return all points, z up, float64 (N, 3); `data` is the folder of data."""
         keyframes = open_recording(data / self.path, **self.options).keyframes()
         return np.concatenate([keyframe.points for keyframe in keyframes])
 
     @property
     def parameters(self) -> Parameters:
-        """The default ones."""
+        """The default parameters with its cell size."""
         return load(None, [f"map.cell_size={self.cell_size}"])
 
 
@@ -59,13 +69,29 @@ RECORDED = {
     "building": Recorded("multilevel/building_floors_cgal.ply", 0.25),
 }
 SIZES = (20, 52, 80, 300, 1000)
-# How wide tiles are, as a power of two in cells, and by how many threads they are made.
+# Width of tiles, as a power of two in cells, and how many threads make them.
 TILES = ((0, 2), (1, 8), (3, 3), (5, 1))
 LOOKS = 10
 
 
 class Row(NamedTuple):
-    """A map that was made in pieces, beside those of one pass."""
+    """A map that was made in pieces, compared with those made in one pass.
+
+    Attributes
+    ----------
+    how : str
+        How it was made, in words.
+    pieces : int
+        How many batches or tiles it was made of.
+    patches : int
+        How many patches it has.
+    compared : int
+        How many times it was compared.
+    differing : int
+        How many patches differed, summed over these.
+    seconds : float
+        Wall time of making it.
+    """
 
     how: str
     pieces: int
@@ -87,7 +113,7 @@ class Row(NamedTuple):
 
 
 def part(xyz: Float64, size: int) -> Float64:
-    """Return the points in the square around the middle that holds so many, in their order."""
+    """Return the `size` points (N, 3) of a square around the median x and y, in their order."""
     far = np.abs(xyz[:, :2] - np.median(xyz[:, :2], axis=0)).max(axis=1)
     return xyz[np.sort(np.argsort(far, kind="stable")[:size])]
 
@@ -95,7 +121,18 @@ def part(xyz: Float64, size: int) -> Float64:
 def rows(
     xyz: Float64, parameters: Parameters, sizes: Sequence[int] = SIZES, looks: int = LOOKS
 ) -> Iterator[Row]:
-    """Make a map in batches and in tiles of all sizes."""
+    """Yield a row for each size of batches, in either order, and for each size of tiles.
+
+    Parameters
+    ----------
+    xyz : float64 (N, 3)
+        The points, z up.
+    parameters : Parameters
+    sizes : sequence of int
+        Points in a batch; all points as one batch are added.
+    looks : int
+        How many times a map that grows is compared, besides at the end.
+    """
     shuffled = np.random.default_rng(1).permutation(xyz)
     for order, points in (("as recorded", xyz), ("shuffled", shuffled)):
         for size in (*sizes, len(xyz)):
@@ -114,12 +151,12 @@ def rows(
 
 
 def grown(how: str, xyz: Float64, size: int, parameters: Parameters, looks: int = LOOKS) -> Row:
-    """Let a map grow in batches of one size, and compare it now and then and in the end."""
+    """Grow a map in batches of `size` points; compare it at most `looks` times, and at the end."""
     keyframes = [Keyframe(xyz[begin : begin + size]) for begin in range(0, len(xyz), size)]
     compared = set(np.linspace(0, len(keyframes), looks + 1).round().astype(int).tolist())
     builder = MapBuilder(parameters)
     seconds, differing = 0.0, 0
-    # What changes tell must add up to the map as well.
+    # The changes that the builder reports must add up to the map as well.
     told = builder.surface
     for number, keyframe in enumerate(keyframes, 1):
         begin = time.perf_counter()
@@ -137,7 +174,22 @@ def grown(how: str, xyz: Float64, size: int, parameters: Parameters, looks: int 
 def map_in_tiles(
     how: str, xyz: Float64, shift: int, threads: int, parameters: Parameters, most: int = 0
 ) -> Row:
-    """Make a map in tiles of ``2**shift`` cells, or larger ones of so many points at most."""
+    """Make a map in tiles and compare it.
+
+    Parameters
+    ----------
+    how : str
+        How it is made, in words.
+    xyz : float64 (N, 3)
+        The points, z up.
+    shift : int
+        Tiles are at least ``2**shift`` cells wide.
+    threads : int
+        How many threads make tiles at a time.
+    parameters : Parameters
+    most : int
+        Tiles of more points, those of their margin included, are divided.
+    """
     pipeline = Pipeline(parameters, "map", Report())
     points = gather([Keyframe(xyz)]).points
     begin = time.perf_counter()
@@ -151,14 +203,14 @@ def map_in_tiles(
 
 
 def one_pass(keyframes: Sequence[Keyframe], parameters: Parameters) -> SurfaceMap:
-    """Return what every stage makes of all points at once."""
+    """Return the map of all points, each stage run once."""
     pipeline = Pipeline(parameters, "map", Report())
     points: Points = gather(keyframes).points
     return pipeline.run_final_stages(pipeline.run_map_stages(pipeline.filter_and_group(points)))
 
 
 def differ(one: SurfaceMap, other: SurfaceMap) -> int:
-    """Count the patches that one of two maps has and the other has not."""
+    """Count the patches that only one of two maps has."""
     change = Change.between(records_of(one), records_of(other), one.grid)
     return change.removed.size + change.added.size
 

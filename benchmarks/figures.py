@@ -1,9 +1,9 @@
-"""The thesis's figures as scenes with truth, and what their captions claim, in numbers.
+"""The thesis's figures as scenes with truth, and the claims of their captions, in numbers.
 
-Run it as ``python -m benchmarks.figures``; it takes a few seconds. The figures themselves are
+Run it as ``python -m benchmarks.figures``; it takes a few seconds. The data of the figures are
 lost: scenes and settings are those that the thesis's text names. Where it names none, a scene is
 one of its section 5.2, cells are 0.15 wide, points 0.1 apart with a sigma of 0.05, and a tenth of
-them is salt and pepper. Maps are made by stages of the preset ``thesis`` in one pass.
+them is salt and pepper. Maps are made by stages of the preset ``thesis``, most of them in one pass.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ def main() -> None:
 
 
 def figures(seed: int = 1) -> Rows:
-    """Yield the maps of all figures, and what is claimed of them."""
+    """Yield the maps of all figures and the claims about them."""
     for figure in (median, orphans, pyramids, plaster, sparse, batches, beside_the_bridge):
         yield from figure(seed)
 
 
 def median(seed: int) -> Rows:
-    """Figures 3.3 to 3.6: three planes with outliers, without and with the median."""
+    """Yield figures 3.3 to 3.6: three planes with outliers, without and with the median."""
     flight, doubled = cloud("planes", seed), cloud("planes", seed, Noise(salt_pepper=0.2))
     bare = Shown("3.3, 3.5", "no stage", flight, mapped(flight, stages()))
     filtered = Shown("3.4, 3.5", "median", flight, mapped(flight, stages("median")))
@@ -71,7 +71,7 @@ def median(seed: int) -> Rows:
 
 
 def orphans(seed: int) -> Rows:
-    """Figures 3.9 and 3.10: a point in a hundred is anywhere between ground and a high bridge."""
+    """Yield figures 3.9 and 3.10: one point in a hundred anywhere between ground and bridge."""
     flight = cloud("bridge", seed, Noise(outliers=0.01), height=3.0)
     before = Shown("3.9", "no stage", flight, mapped(flight, stages()))
     after = Shown("3.10", "orphans", flight, mapped(flight, stages("orphans")))
@@ -85,7 +85,7 @@ def orphans(seed: int) -> Rows:
 
 
 def pyramids(seed: int) -> Rows:
-    """Figures 3.12 and 3.13: what stands out on a house after all other stages."""
+    """Yield figures 3.12 and 3.13: peaks that are left on a house by all other stages."""
     flight = cloud("house", seed)
     others = stages("median", "orphans", "plaster")
     before = Shown("3.12", "all but pyramids", flight, mapped(flight, others))
@@ -106,7 +106,7 @@ def pyramids(seed: int) -> Rows:
 
 
 def plaster(seed: int) -> Rows:
-    """Figure 3.17: ground and house, both with a hole 0.7 wide; gaps up to 0.4 and 0.7 closed."""
+    """Yield figure 3.17: ground and house, holes 0.7 wide in both, gaps up to 0.4 or 0.7 closed."""
     flight = cloud("house", seed, CALM)
     narrow, wide = (
         load("thesis", ["mode=consistent", f"plaster.max_gap={gap}", "plaster.max_gap_enhanced=0"])
@@ -114,7 +114,7 @@ def plaster(seed: int) -> Rows:
     )
     left = Shown("3.17 left", "max_gap 0.4", flight, mapped(flight, narrow))
     right = Shown("3.17 right", "max_gap 0.7", flight, mapped(flight, wide))
-    # The median makes the wall above the window, 0.4 high, one height: no wall is left to join.
+    # The median makes one height of the wall above the window, 0.4 high: no wall is left to join.
     closing = replace(wide, pipeline=(Walls(max_gap=0.4, max_gap_enhanced=0.9), wide.pipeline[2]))
     ours = Shown("3.17", "walls up to 0.9, max_gap 0.7, no median", flight, mapped(flight, closing))
     yield from (left, right, ours)
@@ -122,7 +122,7 @@ def plaster(seed: int) -> Rows:
     small = [_count(left.inserted) - ground[0], _count(right.inserted) - ground[1]]
     yield Claim("3.17", "some small gaps are closed in both", small, min(small) > 0)
     claim = "the hole in the ground is closed with 0.7: of its 16 cells"
-    # A point or two may be displaced into the hole.
+    # Noise may move a point or two into the hole.
     yield Claim("3.17", claim, ground, ground[0] == 0 and ground[1] > 12)
     window = [shown.closed((-2, 2), (6, 7), (0.5, 1.0)) for shown in (left, right, ours)]
     claim = "the hole in the wall is closed in neither: of its 4 columns"
@@ -132,10 +132,10 @@ def plaster(seed: int) -> Rows:
 
 
 def sparse(seed: int) -> Rows:
-    """Figure 3.18: the same with points 0.4 apart, gaps up to 0.75 closed.
+    """Yield figure 3.18: the same scene with points 0.4 apart, gaps up to 0.75 closed.
 
-    No point has a neighbour within the median's radius, and plaster runs alone. It runs twice, as
-    the thesis's closed along one axis what it had closed along the other.
+    No point has a neighbour within the median's radius, so that plaster runs alone. Both of its
+    passes run, as the thesis's plaster joined along one axis what it had inserted along the other.
     """
     dense, flight = cloud("house", seed, CALM), cloud("house", seed, CALM, grid=0.4)
     bare = Shown("3.18", "no stage", flight, mapped(flight, stages()))
@@ -158,7 +158,7 @@ def sparse(seed: int) -> Rows:
 
 
 def batches(seed: int) -> Rows:
-    """Figure 6.9: the village in batches of 300 and of 80 points."""
+    """Yield figure 6.9: the village in batches of 300 and of 80 points, in both modes."""
     flight = fly(make("village-thesis"), 0.2, seed=seed)
 
     def pair(mode: str, names: Sequence[str] = ()) -> list[Shown]:
@@ -181,7 +181,7 @@ def batches(seed: int) -> Rows:
 
 
 def beside_the_bridge(seed: int) -> Rows:
-    """Figure 6.10: a gap of 4 by 4 cells in a deck, which one axis or the other can close."""
+    """Yield figure 6.10: a gap of 4 by 4 cells in a deck, which either axis can close."""
     flight = fly(make("bridge-gap"), 0.12, CALM, seed=seed)
     parameters = load("thesis", ["mode=consistent"])
     stage = next(each for each in parameters.pipeline if isinstance(each, Plaster))
@@ -224,23 +224,35 @@ def cloud(
     height: float | None = None,
     grid: float = 0.1,
 ) -> Flight:
-    """Return all points of a scene, as the thesis's artificial clouds hold them."""
+    """Return all points of a preset, seen or not, as in the thesis's artificial clouds.
+
+    Parameters
+    ----------
+    scene : str
+        Name of the preset.
+    seed : int
+    noise : Noise, optional
+    height : float, optional
+        The preset's crucial dimension.
+    grid : float
+        Spacing of the points.
+    """
     return fly(make(scene, height), grid, noise, seed=seed, visibility=False)
 
 
 def stages(*names: str, settings: Sequence[str] = ()) -> Parameters:
-    """Return the thesis's parameters in one pass, with these of its stages."""
+    """Return the parameters of the preset ``thesis`` in one pass, with the named stages only."""
     return only(load("thesis", ["mode=consistent", *settings]), names)
 
 
 def only(parameters: Parameters, names: Sequence[str]) -> Parameters:
-    """Return the parameters with these stages."""
+    """Return the parameters with the named stages only."""
     kept = tuple(stage for stage in parameters.pipeline if stage.name in names)
     return replace(parameters, pipeline=kept)
 
 
 def along(surface: SurfaceMap, stage: Plaster, axis: str) -> SurfaceMap:
-    """Close gaps along one axis alone: across it, the lines are moved too far apart."""
+    """Close gaps along one axis only: along the other, cells are moved too far apart."""
     across = "ix" if axis == "iy" else "iy"
     apart: dict[str, Any] = {across: getattr(surface, across) * 1000}
     closed = stage.transform(replace(surface, **apart))
@@ -252,12 +264,12 @@ def _count(chosen: Bool) -> int:
 
 
 def _of(maps: Sequence[Shown], number: int) -> list[int]:
-    """Return how many patches the first map has, and the number."""
+    """Return how many patches the first map has, and `number`: those of a claim."""
     return [maps[0].surface.size, number]
 
 
 def _hanging_at_steps(shown: Shown) -> int:
-    """Count patches of `planes` beside its two steps, farther than a cell from every plane."""
+    """Count patches beside the two steps of `planes`, farther than a cell from the truth."""
     return _count(shown.off(1.0) & np.isin(shown.surface.ix, (-8, -7, 6, 7)))
 
 

@@ -1,7 +1,7 @@
 """A cloud larger than memory: ``python -m benchmarks.large --memory 2G``.
 
-A survey flight over a hilly plain is written as a ROS 1 bag, lane by lane, and built with
-``--memory``; printed are the time and the greatest resident size of the process.
+A survey flight over a hilly plain is written as a ROS 1 bag, lane by lane; its map is built with
+``--memory``. It prints the time and the greatest resident size of the process.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from benchmarks.process import ran
 from mlscli.io.writing.bag_messages import CLOUD_TYPE, BagWriter
 
 CELL, POINTS_PER_CELL, MESSAGE, LANES = 0.1, 10, 200_000, 20
-# A neighbourhood of the usual number of points, for cells that hold so many.
+# A neighbourhood with the usual number of points, although cells hold many.
 SETTINGS = {"default": ("--set", "median.nb_radius=1 cell"), "plain": ()}
 
 
 def write_survey(path: Path, points: int) -> None:
-    """Write a bag of a plain flown over in lanes along x."""
+    """Write a bag with about `points` points of a plain, flown over in lanes along x."""
     rng = np.random.default_rng(1)
     side = (points / POINTS_PER_CELL) ** 0.5 * CELL
     messages = max(LANES, points // MESSAGE)

@@ -1,7 +1,7 @@
 """Which levels of quality the default pipeline reaches on scenes with truth.
 
-Run it as ``python benchmarks/levels.py``; it takes a few seconds. Printed are the means over
-the seeds, or of phantom closings the sums, each beside the level to reach.
+Run it as ``python benchmarks/levels.py``; it takes a few seconds. It prints means over the seeds,
+and sums of phantom closings, each beside the level to reach.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def narrow_passage() -> Scene:
     )
 
 
-# A scene; where it is open wider than max_gap_enhanced, 5 cells; where it is less wide or high.
+# Name, scene, places with openings wider than max_gap_enhanced, 5 cells, and with narrower or lower
+# ones.
 OPENINGS: tuple[tuple[str, Scene, tuple[str, ...], tuple[str, ...]], ...] = (
     ("bridge 12 cells wide", make("bridge"), ("under_deck",), ()),
     ("passage 10 cells wide", make("bridge-walls"), ("under_deck",), ()),
@@ -64,7 +65,7 @@ def main() -> None:
 
 
 def rows() -> Iterator[tuple[str, str, str, bool]]:
-    """Yield what is measured, the level, what was found, and whether it is reached."""
+    """Yield what is measured, the level to reach, the figure, and whether it reaches the level."""
     parameters = Parameters().with_cell_size(CELL)
     for scene in THESIS:
         for outliers in OUTLIERS:
@@ -90,9 +91,9 @@ def _scene_rows(name: str, scores: Sequence[Score]) -> Iterator[tuple[str, str, 
 
 
 def _opening_rows(parameters: Parameters) -> Iterator[tuple[str, str, str, bool]]:
-    """Count what is closed of openings wider than `max_gap_enhanced`, and of narrower ones.
+    """Count phantom closings in openings wider than `max_gap_enhanced`, and in narrower ones.
 
-    The narrow ones may be closed, if only what closes them is artificial.
+    In narrower ones, only plastered patches count: artificial ones may close them.
     """
     for name, scene, wide, narrow in OPENINGS:
         for outliers in OUTLIERS:
@@ -115,7 +116,7 @@ def _built(xyz: Float64, parameters: Parameters) -> SurfaceMap:
 
 
 def _floor_rows(density: int, side: int) -> Iterator[tuple[str, str, str, bool]]:
-    """Measure a flat floor: more points must not lift it, nor make it a wall."""
+    """Measure a flat floor: many points must neither lift it nor make it a wall."""
     rng = np.random.default_rng(1)
     sigma, size = CELL / 6, density * side * side
     xyz = np.c_[rng.uniform(0, side * CELL, (size, 2)), rng.normal(0, sigma, size)]
@@ -128,7 +129,7 @@ def _floor_rows(density: int, side: int) -> Iterator[tuple[str, str, str, bool]]
 
 
 def _deck_rows() -> Iterator[tuple[str, str, str, bool]]:
-    """Measure ground 5 m below a deck, 5 % of the points anywhere between."""
+    """Measure ground 5 m below a deck, with 5 % of the points anywhere in between."""
     rng, cell, size = np.random.default_rng(1), 0.2, 1_000_000
     side = np.sqrt(size / 2 / 4) * cell
     z = np.repeat([0.0, 5.0], size // 2)

@@ -1,8 +1,8 @@
 """Time the page of a map of half a million triangles in Chromium: ``python -m benchmarks.pages``.
 
-The browser is headless and draws in software (SwiftShader), on the processor alone: any graphics
-card is faster. A frame is the time from one to the next while every one is drawn anew, from rest
-on: the first are drawn as finely as the page dares.
+The browser is headless and draws in software (SwiftShader), on the processor: any graphics card is
+faster. Measured is the time from frame to frame while every frame is redrawn. Each series begins
+with the page at rest, so that its first frames are drawn in full detail.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mlscli.scenes.truth import truth
 from mlscli.view.page import write_page
 from tests.helpers.browser import Browser
 
-# Does something in every frame; returns the milliseconds of each, without the first.
+# Acts in every frame; returns the milliseconds of each frame but the first.
 FRAMES = """(async () => {
   const next = () => new Promise((done) => requestAnimationFrame(done));
   const key = (key) => dispatchEvent(new KeyboardEvent("keydown", { key }));
@@ -56,7 +56,7 @@ DOING = {
 
 
 def village() -> SurfaceMap:
-    """Return a map of 289 houses that was seen from west to east in keyframes."""
+    """Return a map of 289 houses, seen from west to east, a keyframe every four cells."""
     surface = truth(make("village", size=17), 0.15, 0.5, 0.15)
     seen = ((surface.ix - surface.ix.min()) // 4).astype(np.int32)
     route = np.zeros((int(seen.max()) + 1, 4))
@@ -67,7 +67,7 @@ def village() -> SurfaceMap:
 
 
 def main() -> None:
-    """Write the page, open it, and print what each thing takes."""
+    """Write the page, open it, and print how long each step takes."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path, begin = Path(folder, "village.html"), time.perf_counter()
         counts = write_page(path, village())
@@ -92,7 +92,7 @@ def main() -> None:
 
 
 def processor_time(group: int) -> float:
-    """Return what the processes of a group have taken of the processor (s)."""
+    """Return the CPU time (s) that the processes of a group have used so far."""
     ticks = 0
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):

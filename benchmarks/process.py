@@ -1,7 +1,7 @@
-"""Run a command in a process of its own, and say what it took.
+"""Run a command in a new process, and measure its time and memory.
 
-``python -m benchmarks.process COMMAND...`` prints it as JSON. It is a small program, as a process
-begins with the peak of memory of the one that starts it.
+``python -m benchmarks.process COMMAND...`` prints them as JSON. A program of its own starts the
+command, as a process inherits the peak of memory of the one that starts it: this one is small.
 """
 
 from __future__ import annotations
@@ -16,7 +16,19 @@ from typing import NamedTuple
 
 
 class Ran(NamedTuple):
-    """What a command took: wall and CPU time (s), the peak of memory (bytes), what it printed."""
+    """Time, memory and output of a command.
+
+    Attributes
+    ----------
+    seconds : float
+        Wall time.
+    cpu : float
+        CPU time (s), in user and system mode.
+    peak : int
+        The greatest resident size, in bytes.
+    output : str
+        Its standard output.
+    """
 
     seconds: float
     cpu: float
@@ -25,7 +37,20 @@ class Ran(NamedTuple):
 
 
 def ran(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Ran:
-    """Run a command, which must succeed, and return what it took."""
+    """Run a command and measure it.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The program and its arguments.
+    environment : mapping of str to str, optional
+        Variables added to the environment.
+
+    Raises
+    ------
+    RuntimeError
+        Where the command fails.
+    """
     program = [sys.executable, "-m", "benchmarks.process", *command]
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     done = subprocess.run(
@@ -37,6 +62,7 @@ def ran(command: Sequence[str], environment: Mapping[str, str] | None = None) ->
 
 
 def _main(command: Sequence[str]) -> int:
+    """Run a command, print its measures as JSON, and return its exit status."""
     begin = time.perf_counter()
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -1,8 +1,8 @@
-"""What each rule that betters one of the thesis's is worth, and what else was tried.
+"""What each rule that improves on one of the thesis's is worth, and what else was tried.
 
 Run it as ``python benchmarks/rules.py``; it takes half a minute. Flights with 10 and 20 % outliers
-through the whole pipeline: the thesis's scenes, on which the rules were tuned, and eight others.
-Printed are means over the flights, and sums of patches.
+go through the whole pipeline: over the thesis's scenes, on which the rules were tuned, and over
+eight others. It prints means over the flights, and sums of patches.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ RULE = "|:--|--:|--:|--:|--:|--:|--:|--:|--:|"
 
 
 def settings() -> dict[str, dict[str, str]]:
-    """Return by name what is set: the thesis's rules, and what is changed of the defaults."""
+    """Return the settings to try, by name: parameters and their values."""
     named = {"the thesis's rules": THESIS}
     named |= {f"only `{name}={value}`": {**THESIS, name: value} for name, value in DEFAULT.items()}
     named["all of these: the default"] = DEFAULT
@@ -77,7 +77,18 @@ def main() -> None:
 def scored(
     flight: Flight, chosen: dict[str, str], truths: dict[int, SurfaceMap], number: int
 ) -> Score:
-    """Map a flight and score the map; its truth is computed once."""
+    """Map a flight and score the map.
+
+    Parameters
+    ----------
+    flight : Flight
+    chosen : dict of str to str
+        Parameters and their values.
+    truths : dict of int to SurfaceMap
+        Truths by the number of the flight; a missing one is computed and added.
+    number : int
+        The number of this flight.
+    """
     sets = [f"{name}={value}" for name, value in chosen.items()]
     surface = mapped(flight, load(None, [f"map.cell_size={CELL_SIZE}", *sets]))
     if number not in truths:
@@ -87,7 +98,7 @@ def scored(
 
 
 def row(name: str, scores: list[Score]) -> str:
-    """Return a row of the table."""
+    """Return the row of a setting: means and sums of the scores of its maps."""
     totals = [each.total for each in scores]
     shares = [
         [total.completeness for total in totals],

@@ -1,8 +1,8 @@
 """Speed, topic by topic: ``python -m benchmarks.run`` (five minutes; ``--topic`` chooses).
 
-Each topic is a table of its own: what the program does, and in the same run, in turns, what a user
-would pick instead; figures are medians. The machine's own limits come first. A level is a ratio
-to the other, or what the figure itself has to be.
+Each topic is a table: the program beside what a user would pick instead, measured in turns in the
+same run; figures are medians. The machine's own limits come first. A level is what the figure, or
+its ratio to that of the other, has to reach.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ TOPICS = {
 
 
 def rows(topic: str, timer: Timer) -> Iterator[Row]:
-    """Yield the rows of a topic as they are measured."""
+    """Yield the rows of a topic, one of `TOPICS`, as they are measured."""
     found: Iterator[Row] = import_module(f"benchmarks.topics.{topic}").rows(timer)
     return found
 

@@ -1,4 +1,4 @@
-"""Maps as figures show them, what one sees on them as numbers, and tables of both."""
+"""Maps of figures, numbers for what one sees in them, claims about them, and tables of both."""
 
 from __future__ import annotations
 
@@ -23,7 +23,19 @@ Extent = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A map of one or more figures, and the flight that it was made of."""
+    """A map of one or more figures.
+
+    Attributes
+    ----------
+    figures : str
+        Numbers of the figures.
+    what : str
+        What was done, in words.
+    flight : Flight
+        The flight that the map was made of.
+    surface : SurfaceMap
+        The map.
+    """
 
     figures: str
     what: str
@@ -38,28 +50,28 @@ class Shown:
 
     @cached_property
     def score(self) -> Score:
-        """What the map is worth."""
+        """The score of the map against the truth."""
         return score(self.surface, self.true)
 
     @property
     def rmse(self) -> float:
-        """Of the heights of floors."""
+        """Root mean square error of the heights of horizontal patches; 0 where none is compared."""
         return self.score.total.heights.rmse or 0.0
 
     @property
     def inserted(self) -> Bool:
-        """Which patches nobody measured."""
+        """Which patches are inserted, bool (P,)."""
         return np.asarray(self.surface.origin != MEASURED)
 
     @property
     def depths(self) -> Float64:
-        """Of the vertical patches."""
+        """The depths of the vertical patches, float64 (V,)."""
         return self.surface.depth[self.surface.depth > 0]
 
     def off(self, cells: float = 0.5) -> Bool:
-        """Tell which patches are farther than so many cells above or below what is true.
+        """Return which patches are farther than `cells` cells from the truth in height, bool (P,).
 
-        Of a cell sideways, as in the score.
+        As in the score, true patches up to one cell sideways count.
         """
         mine, true = Patches.of(self.surface), Patches.of(self.true)
         near = nearby(mine.ix, mine.iy, true.ix, true.iy, 1)
@@ -68,24 +80,33 @@ class Shown:
 
     @cached_property
     def peaks(self) -> int:
-        """How many patches stand out as pyramids do."""
+        """How many patches are peaks, as `count_peaks` counts them."""
         return count_peaks(self.surface)
 
     def closing(self, x: Extent, y: Extent, z: Range) -> SurfaceMap:
-        """Return what is inserted into a box of cells (without the ends of x and y) and heights."""
+        """Return the patches inserted into a box.
+
+        Parameters
+        ----------
+        x, y : tuple of int
+            Cell indices, the upper ends excluded.
+        z : tuple of float
+            Heights: patches that reach into this range.
+        """
         part = self.surface.take(self.inserted).crop(x[0], x[1] - 1, y[0], y[1] - 1)
         return part.take((part.height >= z[0]) & (part.low_end <= z[1]))
 
     def closed(self, x: Extent, y: Extent, z: Range) -> int:
-        """Count the cells of a box with something inserted."""
+        """Count the cells of a box with an inserted patch, as `closing` takes the box."""
         return len(self.closing(x, y, z).cells.ix)
 
 
 def count_peaks(surface: SurfaceMap) -> int:
     """Count patches that rise above all four neighbours (thesis, section 3.4).
 
-    Namely by more than 1.5 times the height difference among the neighbours; these are the patches
-    nearest in height, none farther than `gap_size`.
+    They rise above the highest neighbour by more than 1.5 times the height difference of the
+    highest and the lowest one. Neighbours are the patches nearest in height in the four cells
+    beside, all within `gap_size`.
     """
     columns = (surface.ix, surface.iy, surface.height)
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
@@ -104,7 +125,19 @@ def count_peaks(surface: SurfaceMap) -> int:
 
 
 class Claim(NamedTuple):
-    """What figures are to show, the two numbers that tell whether they do, and the verdict."""
+    """A claim about figures, and whether it holds.
+
+    Attributes
+    ----------
+    figures : str
+        Numbers of the figures.
+    claim : str
+        What they are to show, in words.
+    numbers : sequence of float
+        The two numbers that the verdict is based on.
+    holds : bool
+        The verdict.
+    """
 
     figures: str
     claim: str
@@ -113,18 +146,18 @@ class Claim(NamedTuple):
 
 
 def less(figures: str, claim: str, numbers: Sequence[float]) -> Claim:
-    """Claim that the second number is less than the first."""
+    """Return the claim that the second number is less than the first."""
     return Claim(figures, claim, numbers, numbers[1] < numbers[0])
 
 
 def differing(one: Shown, other: Shown) -> int:
-    """Count patches that one map only has, or that are higher in one than in the other."""
+    """Count patches that only one of two maps has, or whose heights differ."""
     total = compare_maps(one.surface, other.surface).total
     return total.only_a + total.only_b + total.heights.beyond
 
 
 def tables(rows: Iterable[Shown | Claim]) -> Iterator[str]:
-    """Yield the lines of a table of maps, and of one of claims."""
+    """Yield the lines of a table of the maps and of one of the claims."""
     rows = list(rows)
     yield f"| {' | '.join(_COLUMNS)} |"
     yield f"|{'|'.join([':--', ':--', *['--:'] * (len(_COLUMNS) - 2)])}|"

@@ -1,4 +1,4 @@
-"""Rows of what was measured, and how: in turns, of which the medians count."""
+"""Rows of figures, and how they are measured: in turns, as medians."""
 
 from __future__ import annotations
 
@@ -16,17 +16,19 @@ class Row(NamedTuple):
     Attributes
     ----------
     what : str
+        What was measured, in words.
     found : float
+        The figure.
     unit : str
-        A rate ends in ``/s``; of everything else, less is better.
+        Unit of the figure. More is better where it ends in ``/s``, a rate; otherwise less is.
     instead : str
-        What was measured beside it; or why it was not.
+        What was measured beside it, the other; or why it was not.
     other : float or None
-        Its figure, in the same unit.
+        The other's figure, in the same unit.
     times : float or None
-        So many times as fast as the other it has to be, at least.
+        The least ratio to the other, as in `ratio`.
     least, most : float or None
-        What the figure has to be, at least and at most.
+        The least and the greatest figure.
     short : bool
         Whether the row belongs to the short form, which the README shows.
     """
@@ -43,7 +45,7 @@ class Row(NamedTuple):
 
     @property
     def ratio(self) -> float | None:
-        """How many times as fast it is as the other."""
+        """How many times as fast as the other it is; None without another."""
         if self.other is None:
             return None
         return self.found / self.other if self.unit.endswith("/s") else self.other / self.found
@@ -92,12 +94,12 @@ WORDS = ("what", "instead", "", "command")
 
 
 def figure(value: float) -> str:
-    """Return a number with three digits that count, or all before the point."""
+    """Return a number with three significant digits, or without decimals from 100 on."""
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def lines(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
-    """Yield the lines of a table, as its rows come."""
+    """Yield the lines of a table in Markdown, as its rows come."""
     yield f"| {' | '.join(head)} |"
     yield f"|{'|'.join(':--' if name in WORDS else '--:' for name in head)}|"
     for row in rows:
@@ -110,16 +112,17 @@ class Timer(NamedTuple):
     Attributes
     ----------
     repeats : int
-        Of these, the median counts.
+        How many times each work is measured; the median counts.
     cpu : bool
-        Whether CPU time counts, of all threads, where others use the machine; else wall time.
+        Whether to measure CPU time of all threads, for a machine that others use; otherwise wall
+        time.
     """
 
     repeats: int = 3
     cpu: bool = False
 
     def seconds(self, *works: Work) -> list[float]:
-        """Return how long each work takes, taking turns after a turn unmeasured."""
+        """Return how long (s) each work takes; they take turns, the first not measured."""
         clock = time.process_time if self.cpu else time.perf_counter
         taken: list[list[float]] = [[] for _ in works]
         for turn in range(self.repeats + 1):
@@ -131,5 +134,5 @@ class Timer(NamedTuple):
         return [median(times) for times in taken]
 
     def rates(self, size: int, *works: Work) -> list[float]:
-        """Return how many millions a second each work does of so many."""
+        """Return the rate of each work, in millions a second, where it does `size` things."""
         return [size / seconds / 1e6 for seconds in self.seconds(*works)]

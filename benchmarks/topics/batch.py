@@ -1,15 +1,15 @@
-"""A batch into a growing map, by the size of the map; always in time of the processor.
+"""A batch into a growing map, by the size of the map; always in CPU time.
 
 Batches of 52 points, each within a square of 20 x 20 cells, are added to floors of 10^3 to 10^6
-patches with 2 points a cell: with the median alone, of which the levels speak, and with the
-default pipeline, in both modes. Sizes take turns; the figures are medians of the processor's time,
-which is all that a batch takes: it starts no threads.
+patches with 2 points a cell: with the median alone, for which there are levels, and with the
+default pipeline, in both modes. Sizes take turns; the figures are medians of the CPU time, which is
+the whole time of a batch, as it starts no threads.
 
-Every batch has the same surroundings: a map of 10^3 patches, 34 cells wide, is smaller than what
-the stages look at around a batch, so that each size is put together from floors of that width, too
-far apart to touch, and a batch falls onto the middle of one, as good as none onto one that had
-another. The median keeps all points (`min_nb: 0`): alone, a batch has 0.13 points a cell, too few
-for its outliers to be told, and would be dropped in the sequential mode.
+Every batch has the same surroundings. A map of 10^3 patches, 34 cells wide, is smaller than the
+reach of the stages around a batch. So a map of any size consists of floors of this width, too far
+apart to affect each other. A batch falls onto the middle of a floor, rarely onto one that already
+had a batch. The median keeps all points (`min_nb: 0`): in the sequential mode it sees a batch by
+itself, 0.13 points a cell, and would drop all of it for lack of neighbours.
 """
 
 from __future__ import annotations
@@ -33,13 +33,23 @@ from mlscli.runtime.arrays import Float64
 
 CELL, DENSITY, SQUARE, BATCH, ROUNDS = 0.15, 2, 20, 52, 40
 SIZES = (10**3, 10**4, 10**5, 10**6)
-# A floor's width in cells, of which one in seven has no point, and from one floor to the next.
+# A floor's width in cells, of which one in seven has no point, and the distance of two floors.
 WIDTH, APART = 34, 64
 GROWTH = 1.5
 
 
 class Level(NamedTuple):
-    """What a batch may cost at most."""
+    """The most that a batch may cost.
+
+    Attributes
+    ----------
+    pipeline : {"median", "default"}
+        The stages: the median alone, or the default ones.
+    mode : {"sequential", "consistent"}
+        As in `Parameters`.
+    milliseconds : float or None
+        The most CPU time of a batch; None: any.
+    """
 
     pipeline: str
     mode: str
@@ -55,7 +65,7 @@ LEVELS = (
 
 
 def rows(timer: Timer) -> Iterator[Row]:  # noqa: ARG001  # it has its own repeats
-    """Yield what a batch costs by pipeline, mode and patches, and how that grows."""
+    """Yield the time of a batch by pipeline, mode and size of the map, and how it grows."""
     for level in LEVELS:
         spent = milliseconds(parameters_of(level))
         pipeline = f"{level.pipeline} alone" if level.pipeline == "median" else level.pipeline
@@ -71,7 +81,7 @@ def rows(timer: Timer) -> Iterator[Row]:  # noqa: ARG001  # it has its own repea
 
 
 def floors(patches: int) -> Float64:
-    """Return where floors lie that together have about so many patches, in a square."""
+    """Return the least x and y, (F, 2), of floors that together have about `patches` patches."""
     number = max(1, round(patches / 1000))
     side = int(np.ceil(number**0.5))
     column, row = np.divmod(np.arange(number), side)
@@ -80,13 +90,13 @@ def floors(patches: int) -> Float64:
 
 
 def scattered(rng: np.random.Generator, width: float, size: int) -> Float64:
-    """Return points of a noisy floor, x and y from 0 to `width` cells."""
+    """Return `size` points (N, 3) of a noisy floor, x and y from 0 to `width` cells."""
     xy = rng.uniform(0, width * CELL, (size, 2))
     return np.column_stack((xy, rng.normal(0, CELL / 3, size)))
 
 
 def grown(parameters: Parameters, patches: int) -> MapBuilder:
-    """Return a builder that has a map of about so many patches."""
+    """Return a builder whose map has about `patches` patches."""
     rng = np.random.default_rng(1)
     builder = MapBuilder(parameters)
     for corner in floors(patches):
@@ -98,7 +108,7 @@ def grown(parameters: Parameters, patches: int) -> MapBuilder:
 
 
 def parameters_of(level: Level) -> Parameters:
-    """Return the parameters of a pipeline in a mode."""
+    """Return the parameters with the pipeline and the mode of a level."""
     given = load(None, [f"mode={level.mode}", f"map.cell_size={CELL}", "median.min_nb=0"])
     if level.pipeline == "median":
         return replace(given, pipeline=given.pipeline[:1])
@@ -106,7 +116,7 @@ def parameters_of(level: Level) -> Parameters:
 
 
 def milliseconds(parameters: Parameters) -> dict[int, float]:
-    """Return the time of a batch by the size of the map."""
+    """Return the median CPU time (ms) of a batch by the size of the map, one of `SIZES`."""
     rng = np.random.default_rng(2)
     places = {}
     for patches in SIZES:

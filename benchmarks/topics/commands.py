@@ -1,4 +1,4 @@
-"""Whole commands, each in a process of its own, and what they take besides their work."""
+"""Whole commands, each in a new process: their time, their memory, the compilation of kernels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LARGEST = 12_000_000
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield times of commands, in turns; the peak of memory; and how long kernels compile."""
+    """Yield times of commands, in turns; the peak of memory; and the time to compile kernels."""
     times, _ = _in_turns(timer, ["-c", "pass"], ["-m", "mlscli", "--help"], at_least=15)
     what = "`mls --help`: times an empty Python"
     yield Row(what, times[1] / times[0], "", most=6.0, short=True)
@@ -40,7 +40,7 @@ def rows(timer: Timer) -> Iterator[Row]:
     what = f"`mls build` of a bag of {LARGEST:,} points: times the sum of its parts"
     to_parts = median(run.seconds / _parts(run) for run in runs[-1])
     yield Row(what, to_parts, "", most=1.3, short=True)
-    # What the program takes by itself, it takes for a small bag, too.
+    # The memory of the program itself is that of a build of a small bag.
     least, most = (median(run.peak for run in runs[at]) for at in (1, -1))
     what = "peak memory of that build, above the program itself: bytes a point"
     yield Row(what, (most - least) / (LARGEST - SIZES[0]), "", most=100.0, short=True)
@@ -52,12 +52,13 @@ def rows(timer: Timer) -> Iterator[Row]:
 
 
 def _parts(run: Ran) -> float:
-    """Return the sum of the times that a build accounts for: reading, stages, writing."""
+    """Return the sum of the times (s) that a build reports: reading, stages, writing."""
     seconds: dict[str, float] = json.loads(run.output)["seconds"]
     return sum(seconds.values()) - seconds["total"]
 
 
 def _build(source: Path, *, auto: bool = False) -> list[str]:
+    """Return the arguments of Python for a build; with `auto`, the cell size is not given."""
     size = [] if auto else ["--set", f"map.cell_size={CELL}"]
     output = source.with_suffix(".npz")
     return ["-m", "mlscli", "build", str(source), "-o", str(output), "--overwrite", "--json", *size]
@@ -66,7 +67,24 @@ def _build(source: Path, *, auto: bool = False) -> list[str]:
 def _in_turns(
     timer: Timer, *commands: Sequence[str], at_least: int = 1
 ) -> tuple[list[float], list[list[Ran]]]:
-    """Run Python with arguments; return the medians of the times, and all runs of each."""
+    """Run Python with the arguments of each command in turns.
+
+    Parameters
+    ----------
+    timer : Timer
+        How many runs there are, and which time is measured.
+    *commands : sequence of str
+        Arguments of Python.
+    at_least : int
+        The least number of runs.
+
+    Returns
+    -------
+    times : list of float
+        The median time (s) of each command.
+    runs : list of list of Ran
+        All runs of each command.
+    """
     runs: list[list[Ran]] = [[] for _ in commands]
     for turn in range(max(timer.repeats, at_least) + 1):
         for command, each in zip(commands, runs, strict=True):

@@ -1,4 +1,4 @@
-"""The machine's own limits: what no program goes beyond."""
+"""The machine's own limits, which no program can exceed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIZE, KEYS = 64_000_000, 1_000_000
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield how fast memory is copied, keys are sorted and a file is read."""
+    """Yield the rates at which memory is copied, keys are sorted and a file is read."""
     memory = np.ones(SIZE // 8)
     (copied,) = timer.rates(SIZE, memory.copy)
     yield Row("memory copy", copied / 1000, "GB/s")

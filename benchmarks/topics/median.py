@@ -1,4 +1,4 @@
-"""The median filter, beside neighbour searches that a user would build it of."""
+"""The median filter, beside neighbour searches that a user would build it from."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MEDIAN = Median(RADIUS, NEAREST, LEAST)
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield rates by how many points there are, and how dense."""
+    """Yield rates by the number of points and their density."""
     for size, density in ((10**5, 4.0), (10**6, 4.0), (10**5, 200.0)):
         points = cloud(size, density)
         by_cell = points.xyz[np.lexsort(np.floor(points.xyz[:, :2] / CELL).T)]
@@ -34,7 +34,7 @@ def rows(timer: Timer) -> Iterator[Row]:
 
 
 def tree_median(xyz: Float64) -> Float64:
-    """Return median heights by cKDTree and numpy; the points come by cell."""
+    """Return median heights by cKDTree and numpy, of points (N, 3) sorted by cell."""
     from scipy.spatial import cKDTree
 
     distances, near = cKDTree(xyz).query(
@@ -46,7 +46,7 @@ def tree_median(xyz: Float64) -> Float64:
 
 
 def _outlier_removal(xyz: Float64) -> Work | None:
-    """Return Open3D's statistical outlier removal with as many neighbours; None without Open3D."""
+    """Return Open3D's statistical outlier removal, as many neighbours; None if not installed."""
     try:
         import open3d
     except ImportError:

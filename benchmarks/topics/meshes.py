@@ -1,4 +1,4 @@
-"""Maps into meshes, and meshes into files, beside Open3D and trimesh."""
+"""Meshes of maps, and their files, beside Open3D and trimesh."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Writer = Callable[[Path], object]
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield how fast a mesh is built and written; our files are on the disk when it is done."""
+    """Yield the rates at which a mesh is built and written; mls waits until files are on disk."""
     surface = plain(SIDE)
     mesh = build_mesh(surface)
     (built,) = timer.rates(surface.size, partial(build_mesh, surface))
@@ -39,7 +39,7 @@ def rows(timer: Timer) -> Iterator[Row]:
 
 
 def _others(mesh: Mesh) -> dict[str, Writer]:
-    """Return what else writes vertices, colours and triangles, as far as it is installed."""
+    """Return the other writers of vertices, colours and triangles that are installed, by name."""
     others: dict[str, Writer] = {}
     try:
         import open3d

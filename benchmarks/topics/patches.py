@@ -1,4 +1,4 @@
-"""Points into patches, beside sorting with numpy, and into the cells of other maps."""
+"""Points into patches, beside sorts by numpy and the maps of other libraries."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIZE = 10**6
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield rates by the points' density; the slow ones are tried with one density."""
+    """Yield rates by the points' density; slow alternatives are tried with one density only."""
     for density in (1.5, 4.0, 40.0):
         points = cloud(SIZE, density)
         works: dict[str, Work] = {"numpy's packed key": partial(packed_groups, points.xyz)}
@@ -44,7 +44,7 @@ def rows(timer: Timer) -> Iterator[Row]:
 
 
 def packed_groups(xyz: Float64) -> tuple[Float64, Float64, Float64]:
-    """Return top, mean and variance of patches by numpy's argsort of a packed key."""
+    """Return top, mean and variance of patches, (P,) each, by numpy's argsort of a packed key."""
     cells, z = np.floor(xyz[:, :2] / CELL).astype(np.int64), xyz[:, 2]
     cells -= cells.min(axis=0)
     rough = ((z - z.min()) * ((2**20 - 1) / np.ptp(z))).astype(np.int64)
@@ -53,7 +53,7 @@ def packed_groups(xyz: Float64) -> tuple[Float64, Float64, Float64]:
 
 
 def lexsorted(xyz: Float64) -> tuple[Float64, Float64, Float64]:
-    """Return the same by numpy's lexsort of cells and heights."""
+    """Return the same as `packed_groups`, by numpy's lexsort of cells and heights."""
     cells, z = np.floor(xyz[:, :2] / CELL).astype(np.int64), xyz[:, 2]
     order = np.lexsort((z, cells[:, 1], cells[:, 0]))
     cells -= cells.min(axis=0)
@@ -61,6 +61,7 @@ def lexsorted(xyz: Float64) -> tuple[Float64, Float64, Float64]:
 
 
 def _summed(cells: Int64, z: Float64, order: Int64) -> tuple[Float64, Float64, Float64]:
+    """Return top, mean and variance of patches, given keys of cells, heights, and their order."""
     cells, z = cells[order], z[order]
     start = np.flatnonzero(np.r_[True, (cells[1:] != cells[:-1]) | (np.diff(z) > GAP)])
     count = np.diff(np.append(start, len(z)))
@@ -70,7 +71,7 @@ def _summed(cells: Int64, z: Float64, order: Int64) -> tuple[Float64, Float64, F
 
 
 def _voxels(xyz: Float64) -> tuple[str, Work] | None:
-    """Return Open3D's voxel grid of the mean points."""
+    """Return the name and work of Open3D's voxel grid of mean points; None if not installed."""
     try:
         import open3d
     except ImportError:
@@ -80,7 +81,7 @@ def _voxels(xyz: Float64) -> tuple[str, Work] | None:
 
 
 def _octomap(xyz: Float64) -> tuple[str, Work] | None:
-    """Return OctoMap's insertion of end points, without rays."""
+    """Return OctoMap's insertion of end points, no rays, and its name; None if not installed."""
     try:
         from pyoctomap import OcTree
     except ImportError:

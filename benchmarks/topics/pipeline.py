@@ -19,7 +19,7 @@ SIZES = (10**6, 3 * 10**6, 10**7)
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield rates by the points, and the power with which time grows."""
+    """Yield rates by the number of points, and the power of it with which time grows."""
     parameters = load(None, [f"map.cell_size={CELL}"])
     seconds = []
     for size in SIZES:
@@ -32,7 +32,7 @@ def rows(timer: Timer) -> Iterator[Row]:
 
 
 def build(xyz: Float64, parameters: Parameters) -> None:
-    """Make the map of points."""
+    """Make the map of points (N, 3) in one pass."""
     builder = MapBuilder(parameters)
     builder.add(Keyframe(xyz))
     builder.finish()

@@ -1,9 +1,9 @@
-"""Bags to points, beside rosbags alone, which leaves the points where they lie.
+"""Bags to points, beside rosbags alone, which does not decode the points.
 
 600 PointCloud2 messages of 20,000 points as drivers send them, x, y, z and intensity in float32,
-are written as a ROS 1 bag, a ROS 2 bag and an MCAP file. `open_recording` and its keyframes take
-turns with rosbags' `AnyReader`, which deserializes the messages and does nothing with them. Each
-run is a process of its own: ``python -m benchmarks.topics.reading READER BAG``.
+are written as a ROS 1 bag, a ROS 2 bag and an MCAP file. `open_recording`, whose keyframes are
+read, takes turns with rosbags' `AnyReader`, which only deserializes the messages. Each run is a new
+process: ``python -m benchmarks.topics.reading READER BAG``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ KINDS = {"ROS 1": "flight.bag", "ROS 2 (SQLite)": "flight", "MCAP": "flight_mcap
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield for each kind of recording the rate, and the peak of memory."""
+    """Yield for each kind of recording the rate and the peak of memory."""
     for kind, name in KINDS.items():
         with tempfile.TemporaryDirectory() as folder:
             bag = Path(folder, name)
@@ -51,7 +51,7 @@ def rows(timer: Timer) -> Iterator[Row]:
 
 
 def write(path: Path, kind: str) -> None:
-    """Write the messages as a recording of a kind."""
+    """Write the messages as a recording of a kind, one of `KINDS`."""
     is_ros1 = kind == "ROS 1"
     store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.LATEST)
     plugin = StoragePlugin.MCAP if kind == "MCAP" else StoragePlugin.SQLITE3
@@ -67,7 +67,19 @@ def write(path: Path, kind: str) -> None:
 
 
 def message(types: Any, number: int, points: Any, *, is_ros1: bool) -> object:
-    """Return a cloud of float32 (N, 4) in the map's frame."""
+    """Return a PointCloud2 message in the frame ``map``.
+
+    Parameters
+    ----------
+    types : mapping
+        Message classes of rosbags, by name.
+    number : int
+        Number of the message; its time is a tenth of it, in seconds.
+    points : float32 (N, 4)
+        x, y, z and intensity.
+    is_ros1 : bool
+        Whether its header has a sequence number.
+    """
     stamp = types["builtin_interfaces/msg/Time"](sec=number // 10, nanosec=number % 10 * 10**8)
     sequence = {"seq": number} if is_ros1 else {}
     header = types["std_msgs/msg/Header"](**sequence, stamp=stamp, frame_id="map")
@@ -89,14 +101,14 @@ def message(types: Any, number: int, points: Any, *, is_ros1: bool) -> object:
 
 
 def by_mls(path: Path) -> int:
-    """Read the points of all keyframes."""
+    """Read all keyframes; return how many points they have."""
     from mlscli import open_recording
 
     return sum(len(keyframe.points) for keyframe in open_recording(path).keyframes())
 
 
 def by_anyreader(path: Path) -> int:
-    """Deserialize all messages."""
+    """Deserialize all messages; return how many points they declare."""
     from rosbags.highlevel import AnyReader
 
     with AnyReader([path]) as reader:
@@ -111,14 +123,14 @@ READERS: dict[str, Callable[[Path], int]] = {"mls": by_mls, "AnyReader": by_anyr
 
 
 def _measured(reader: str, bag: Path, *, cpu: bool) -> tuple[float, float]:
-    """Return the time (s) that a new process takes to read, and its peak of memory (MB)."""
+    """Return how long (s) a new process takes to read, and its peak of memory (MB)."""
     run = ran([sys.executable, "-m", "benchmarks.topics.reading", reader, str(bag)])
     seconds: list[float] = json.loads(run.output)
     return seconds[cpu], run.peak / 2**20
 
 
 def _main(reader: str, bag: Path) -> None:
-    """Read once to load what is imported late, and once to measure: wall and CPU time (s)."""
+    """Read twice, as modules are imported late; print wall and CPU time (s) of the second pass."""
     READERS[reader](bag)
     begin, cpu = time.perf_counter(), time.process_time()
     found = READERS[reader](bag)

@@ -1,4 +1,4 @@
-"""Every map stage, in patches: on a plain where it finds nothing to do, and where it has work."""
+"""Every map stage, by patches: on a plain, where it has nothing to do, and where it has work."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SIDE, SIZE, DENSITY, LEAST = 500, 10**6, 4.0, 30.0
 
 
 def rows(timer: Timer) -> Iterator[Row]:
-    """Yield rates for each map stage of the defaults, and for regions; then the least.
+    """Yield the rate of each default map stage and of regions; then the least rate.
 
-    Each is given what those before leave: the plain, or the patches of a cloud in which a third of
-    the points are a level above, many gaps and many outliers.
+    Each stage takes what those before it return. The first takes the plain, or the patches of a
+    cloud with many gaps and outliers, of whose points three in ten are on a level above.
     """
     stages = [
         stage

@@ -1,8 +1,8 @@
-"""Make the sample flight `bridge.txt`: a creek, a bridge over it, a house, as a drone saw them.
+"""Make the sample flight `bridge.txt`: a creek, a bridge over it and a house, seen by a drone.
 
-Run it as ``python data/samples/make.py``; it writes the file beside itself, the same every time.
-Points lie on the surfaces of a simple scene, with noise, outliers in z, and places without
-texture, and are grouped by the keyframe that saw them.
+Run it as ``python data/samples/make.py``; it writes the same file beside itself every time. Points
+lie on the surfaces of a simple scene, with noise, outliers in z, and places without texture. They
+are grouped by the keyframe that saw them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mlscli.runtime.arrays import Bool, Float64
 SIGMA_XY, SIGMA_Z = 0.03, 0.04
 OUTLIERS, OUTLIER_SIGMA = 0.04, 1.2
 DENSITY = 16.0  # points per square metre
-RANGE = 5.5  # how far a keyframe sees, sideways
+RANGE = 5.5  # how far a keyframe sees, horizontally, in metres
 
 GROUND = (-10.0, 10.0, -7.0, 7.0)
 CREEK, DEPTH = (-2.0, 2.0), 2.0
@@ -27,7 +27,7 @@ EAVES = 2.6
 
 
 def scattered(rng: np.random.Generator, area: tuple[float, float, float, float]) -> Float64:
-    """Return points (N, 2) all over a rectangle (x0, x1, y0, y1)."""
+    """Return points, float64 (N, 2), uniform over a rectangle (x0, x1, y0, y1)."""
     x0, x1, y0, y1 = area
     size = int(DENSITY * (x1 - x0) * (y1 - y0))
     return rng.uniform((x0, y0), (x1, y1), (size, 2))
@@ -42,7 +42,7 @@ def wall(
     rng: np.random.Generator, begin: tuple[float, float], end: tuple[float, float], low: float,
     high: float,
 ) -> Float64:  # fmt: skip
-    """Return points (N, 3) on an upright wall."""
+    """Return points, float64 (N, 3), on a wall from (x, y) to (x, y), from `low` to `high`."""
     start, along = np.array(begin), np.subtract(end, begin)
     size = int(DENSITY * 1.5 * np.hypot(*along) * (high - low))
     xy = start + rng.uniform(0, 1, (size, 1)) * along
@@ -50,7 +50,7 @@ def wall(
 
 
 def surfaces(rng: np.random.Generator) -> Float64:
-    """Return points (N, 3) on all surfaces, without noise."""
+    """Return points, float64 (N, 3), on all surfaces, without noise."""
     ground = scattered(rng, GROUND)
     ground = ground[~inside(ground, HOUSE)]
     in_creek = (ground[:, 0] > CREEK[0]) & (ground[:, 0] < CREEK[1])
@@ -58,7 +58,7 @@ def surfaces(rng: np.random.Generator) -> Float64:
     deck = scattered(rng, DECK)
     parts.append(np.c_[deck, np.full(len(deck), DECK_HEIGHT)])
     roof = scattered(rng, HOUSE)
-    # White in the sun: on a part of the roof nothing is found.
+    # A part of the roof is white in the sun: it has no points.
     roof = roof[~inside(roof, (6.0, 7.2, 2.6, 4.4))]
     parts.append(np.c_[roof, np.full(len(roof), EAVES)])
     for x in CREEK:
@@ -73,7 +73,7 @@ def surfaces(rng: np.random.Generator) -> Float64:
 def main() -> None:
     rng = np.random.default_rng(2010)
     points = surfaces(rng)
-    # A patch of even grass, without texture.
+    # An area of even grass, without texture.
     points = points[~inside(points[:, :2], (-7.5, -6.4, -3.5, -2.3))]
     points += rng.normal(0, (SIGMA_XY, SIGMA_XY, SIGMA_Z), points.shape)
     outlier = rng.random(len(points)) < OUTLIERS
@@ -83,7 +83,7 @@ def main() -> None:
     route = np.array(
         [(x * way, y, 6.0) for y, way in legs for x in np.linspace(-9.0, 9.0, 10)]
     ) + rng.normal(0, 0.1, (30, 3))
-    # A point belongs to the first keyframe that comes near enough to see it.
+    # A point belongs to the first keyframe that is near enough to see it.
     apart = np.hypot(*(points[:, None, :2] - route[None, :, :2]).transpose(2, 0, 1))
     first = np.argmax(apart < RANGE, axis=1)
     seen = apart.min(axis=1) < RANGE

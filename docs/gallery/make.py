@@ -1,7 +1,7 @@
 """Make the pictures of the gallery: ``python -m docs.gallery.make [NAME ...]``.
 
-All come from synthetic scenes; those of the figures 3.3 to 3.18 and 6.10 are the maps of
-`benchmarks.figures`, whose table gives the numbers.
+Names are those of the functions in `ALL`. All pictures are of synthetic scenes; figures 3.3 to 3.18
+and 6.10 show the maps of `benchmarks.figures`, which prints their numbers.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FOLDER = Path(__file__).parent
 MOST_BYTES = 150_000
 WIDTH = 1100
 CAPTION = 26
-PEAK = 0.1  # what is lowered by less is not seen in a picture
+PEAK = 0.1  # a patch that is lowered by less gets no ring: it cannot be seen in a picture
 
 Panel = tuple[str, Mesh]
 
@@ -50,7 +50,7 @@ def readme() -> None:
 
 
 def overview() -> None:
-    """Figures 2.2 and 2.3: a map without any stage, as a mesh and as patches."""
+    """Draw figures 2.2 and 2.3: a map without any stage, as a mesh and as patches."""
     flight = figures.cloud("bridge-walls", 1, figures.CALM)
     surface = mapped(flight, figures.stages())
     panels = [("surface", build_mesh(surface)), ("patches", build_mesh(surface, "patches"))]
@@ -58,7 +58,7 @@ def overview() -> None:
 
 
 def median() -> None:
-    """Figures 3.3 to 3.6."""
+    """Draw figures 3.3 to 3.6: without and with the median."""
     bare, filtered, harder = shown(figures.median)
     view = View(100, 22)
     save("3.3-3.4", beside(panels_of((bare, filtered)), view))
@@ -67,12 +67,12 @@ def median() -> None:
 
 
 def orphans() -> None:
-    """Figures 3.9 and 3.10."""
+    """Draw figures 3.9 and 3.10: without and with orphans."""
     save("3.9-3.10", beside(panels_of(shown(figures.orphans)), View(65, 15)))
 
 
 def pyramids() -> None:
-    """Figures 3.12 and 3.13, with rings where peaks are and were."""
+    """Draw figures 3.12 and 3.13: without and with pyramids, rings where patches are lowered."""
     before, after = shown(figures.pyramids)
     was, now = matches(before.surface, after.surface)
     lower = after.surface.height[now] < before.surface.height[was] - PEAK
@@ -81,17 +81,17 @@ def pyramids() -> None:
 
 
 def plaster() -> None:
-    """Figure 3.17."""
+    """Draw figure 3.17: gaps closed up to two widths, and a window."""
     save("3.17", beside(panels_of(shown(figures.plaster)), View(70, 32)))
 
 
 def sparse() -> None:
-    """Figure 3.18."""
+    """Draw figure 3.18: sparse points, without and with plaster."""
     save("3.18", beside(panels_of(shown(figures.sparse)), View(70, 32)))
 
 
 def birmensdorf() -> None:
-    """Figures 6.2 and 6.3: a village with narrow gaps closed, with all stages, from two sides."""
+    """Draw figures 6.2 and 6.3: a village, narrow gaps closed, and all stages from two sides."""
     partial = village(["mode=consistent", "plaster.max_gap_enhanced=0"])
     full = village(["mode=consistent"])
     panels = [("only narrow gaps closed", build_mesh(partial)), ("all stages", build_mesh(full))]
@@ -100,7 +100,7 @@ def birmensdorf() -> None:
 
 
 def recordings() -> None:
-    """Figures 6.6 and 6.7: a gym and a table, without and with the stages."""
+    """Draw figures 6.6 and 6.7: a gym and a table, without and with the stages."""
     for name, scene, view in (("6.6", "gym", View(50, 40)), ("6.7", "table", View(65, 25))):
         flight = fly(make(scene), 0.1, seed=1)
         panels = [
@@ -114,7 +114,7 @@ def recordings() -> None:
 
 
 def batches() -> None:
-    """Figure 6.9: batches of 300 and of 80 points, in both modes."""
+    """Draw figure 6.9: batches of 300 and of 80 points, in both modes."""
     for name, mode in (("6.9", "sequential"), ("6.9-consistent", "consistent")):
         one, other = (village([f"mode={mode}", f"batch.min_points={size}"]) for size in (300, 80))
         titles = (f"{mode}, batches of 300", f"{mode}, batches of 80")
@@ -122,12 +122,12 @@ def batches() -> None:
 
 
 def gap() -> None:
-    """Figure 6.10: a gap in a deck, closed along one axis, the other, and both."""
+    """Draw figure 6.10: a gap in a deck, closed along one axis first, the other first, and both."""
     save("6.10", beside(panels_of(shown(figures.beside_the_bridge)), View(65, 35)))
 
 
 def plots() -> None:
-    """Show what ``mls plot`` draws: a hamlet from above, and a cut through bridge and creek."""
+    """Draw what ``mls plot`` draws, a hamlet from above and cut upright; and a house as a mesh."""
     surface = hamlet()
     save("above", pixels(plot_above(surface, title="mls plot hamlet.npz")))
     title = "mls plot hamlet.npz --section -5,0,5,0"
@@ -149,9 +149,9 @@ ALL: Sequence[Callable[[], None]] = (
 
 
 def hamlet() -> SurfaceMap:
-    """Return the map of a scene made for one picture, by all stages but the median.
+    """Return the map of a scene made for the README, by all default stages but the median.
 
-    That smooths what little noise there is, and the tops of walls with it.
+    There is little noise to smooth, and the median would smooth the tops of walls as well.
     """
     scene, bed, deck = Scene("hamlet"), -0.9, 0.9
     house, eaves, ridge = (cells(14, 32), cells(8, 22)), 1.8, 2.2
@@ -172,7 +172,7 @@ def hamlet() -> SurfaceMap:
     scene = ramp(scene, cells(10, 24), cells(-5, 4), (deck, 0.0))
     scene = block(scene, *flat, (0.0, roof))
     (west, east), (south, north) = (inset(side, 0.5) for side in house)
-    # Windows wider and higher than what is closed.
+    # Windows wider and higher than the gaps that are closed.
     windows = [(cells(left, left + 6), (0.45, 1.35)) for left in (1.5, 9.5)]
     for begin, end, openings in (
         ((west, south), (east, south), windows),
@@ -192,19 +192,25 @@ def hamlet() -> SurfaceMap:
 
 
 def village(settings: Sequence[str]) -> SurfaceMap:
-    """Return the map of the village, a flight in little noise, by the default stages."""
+    """Return the map of a flight over the thesis's village with little noise, by default stages.
+
+    Parameters
+    ----------
+    settings : sequence of str
+        Changes to the defaults, ``NAME=VALUE``.
+    """
     noise = Noise(sigma=Scatter(0.03, 0.03), salt_pepper=0.05)
     flight = fly(make("village-thesis"), 0.1, noise, seed=1)
     return mapped(flight, load("default", [*settings, "map.cell_size=0.15"]))
 
 
 def shown(figure: figures.Figure) -> list[Shown]:
-    """Return the maps of a figure."""
+    """Return the maps of a figure, without its claims."""
     return [row for row in figure(1) if isinstance(row, Shown)]
 
 
 def panels_of(rows: Iterable[Shown], style: str = "surface") -> list[Panel]:
-    """Return the meshes of maps with what was done for each."""
+    """Return maps as panels: what was done, and the mesh."""
     return [
         (row.what, build_mesh(row.surface, "patches" if style == "patches" else "surface"))
         for row in rows
@@ -212,7 +218,16 @@ def panels_of(rows: Iterable[Shown], style: str = "surface") -> list[Panel]:
 
 
 def beside(panels: Sequence[Panel], view: View, rings: Float64 | None = None) -> UInt8:
-    """Return pictures of meshes side by side, each under what it is, with rings at places."""
+    """Return a picture of panels side by side, uint8 (height, `WIDTH`, 3).
+
+    Parameters
+    ----------
+    panels : sequence of (str, Mesh)
+        Captions and meshes.
+    view : View
+    rings : float64 (N, 3), optional
+        Places in the map frame with a ring around them, in all panels.
+    """
     width = WIDTH // len(panels)
     images = [render(mesh, width - 10, view, rings=rings) for _, mesh in panels]
     height = max(len(image) for image in images)
@@ -226,14 +241,14 @@ def beside(panels: Sequence[Panel], view: View, rings: Float64 | None = None) ->
 
 
 def pixels(figure: Figure) -> UInt8:
-    """Return a figure of matplotlib as a picture."""
+    """Return a figure of matplotlib as a picture, uint8 (height, width, 3)."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=WIDTH / figure.get_figwidth())
     return np.asarray(Image.open(stream).convert("RGB"))
 
 
 def save(name: str, image: UInt8) -> None:
-    """Write a picture in 256 colours, or fewer where it would grow too large."""
+    """Write a picture as PNG, in 256 colours or fewer where it would exceed `MOST_BYTES`."""
     path = FOLDER / f"{name}.png"
     for colours in (256, 128, 64, 32):
         Image.fromarray(image).quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)

@@ -1,7 +1,7 @@
-"""A mesh as a picture: parallel projection and a z-buffer, in small.
+"""A mesh as a picture: a small renderer with parallel projection and a z-buffer.
 
-Triangles are lit from the left above, both sides alike; where the picture jumps in depth, a thin
-dark line sets the nearer thing off. Lines and points are drawn in front of what they lie on.
+Triangles are lit from above on both sides; at jumps in depth the nearer surface gets a thin dark
+outline. Lines and points are drawn in front of the surfaces that they lie on.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mlscli.runtime.arrays import Float64, Int64, UInt8
 from mlscli.runtime.kernels import kernel
 
 FINER = 3
-"""Pixels of the drawing along each side of one of the picture."""
+"""Pixels of the drawing along each side of a pixel of the picture."""
 
 PAPER = 255
 RADIUS = 11
@@ -25,21 +25,21 @@ _LIGHT = np.array((-0.45, -0.35, 0.82)) / np.linalg.norm((-0.45, -0.35, 0.82))
 
 
 class View(NamedTuple):
-    """From where a mesh is seen.
+    """The direction from which a mesh is seen.
 
     Attributes
     ----------
     azimuth : float
-        The direction that one looks in, in degrees from the x axis towards the y axis.
+        Horizontal direction of view, in degrees from the x axis towards the y axis.
     elevation : float
-        How far one looks down, in degrees.
+        Angle of view below the horizontal, in degrees.
     """
 
     azimuth: float = 60.0
     elevation: float = 35.0
 
     def axes(self) -> Float64:
-        """Return unit vectors to the right, up, and towards the eye, (3, 3)."""
+        """Return unit vectors to the right, up, and towards the viewer, float64 (3, 3)."""
         a, e = np.radians((self.azimuth, self.elevation))
         right = (np.sin(a), -np.cos(a), 0.0)
         towards = (-np.cos(a) * np.cos(e), -np.sin(a) * np.cos(e), np.sin(e))
@@ -49,9 +49,18 @@ class View(NamedTuple):
 def render(
     mesh: Mesh, width: int, view: View, most: int = 10_000, rings: Float64 | None = None
 ) -> UInt8:
-    """Return a picture of a mesh, uint8 (height, width, 3), at most so high.
+    """Return a picture of a mesh, uint8 (height, width, 3).
 
-    Around each of the places in `rings` (N, 3) is a ring, whatever lies before it.
+    Parameters
+    ----------
+    mesh : Mesh
+    width : int
+        Width of the picture, in pixels.
+    view : View
+    most : int
+        Greatest height of the picture, in pixels.
+    rings : float64 (N, 3), optional
+        Places in the map frame with a ring around them, drawn over all else.
     """
     seen = mesh.vertices @ view.axes().T
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -86,7 +95,7 @@ def render(
 
 
 def _ringed(picture: UInt8, place: Float64) -> UInt8:
-    """Draw rings around places, in pixels of the picture."""
+    """Draw rings around places (N, 3), whose first two columns are pixels of the picture."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     for x, y, _ in place.tolist():
@@ -103,7 +112,23 @@ def _fill(
     colours: Float64,
     light: Float64,
 ) -> None:
-    """Draw triangles, nearer ones over farther ones."""
+    """Draw triangles, nearer ones over farther ones.
+
+    Parameters
+    ----------
+    image : float64 (rows, columns, 3)
+        The drawing, red, green, blue from 0 to 255; changed.
+    depth : float64 (rows, columns)
+        How near the thing drawn at each pixel is, in pixels, -inf: nothing; changed.
+    place : float64 (V, 3)
+        Column, row and nearness of each vertex, in pixels of the drawing.
+    triangles : int64 (T, 3)
+        Indices of vertices.
+    colours : float64 (V, 3)
+        Colours of vertices, 0 to 255.
+    light : float64 (T,)
+        Brightness of each triangle, 0 to 1.
+    """
     rows, columns = depth.shape
     for t in range(len(triangles)):
         a, b, c = triangles[t]
@@ -134,7 +159,7 @@ def _fill(
 
 @kernel
 def _outline(image: Float64, depth: Float64, jump: float) -> None:
-    """Darken what lies in front of something much deeper."""
+    """Darken pixels that are nearer than one beside them by more than `jump`, in pixels."""
     rows, columns = depth.shape
     for row in range(1, rows - 1):
         for column in range(1, columns - 1):
@@ -160,7 +185,19 @@ def _stroke(
     width: int,
     bias: float,
 ) -> None:
-    """Draw lines as chains of squares, so wide, where nothing is in front by more than `bias`."""
+    """Draw lines as chains of squares.
+
+    Parameters
+    ----------
+    image, depth, place, colours
+        As in `_fill`.
+    lines : int64 (L, 2)
+        Indices of vertices; a line has the colour of its first.
+    width : int
+        Side of the squares, in pixels of the drawing.
+    bias : float
+        Lines are hidden only by what is nearer by more than this, in pixels.
+    """
     rows, columns = depth.shape
     for i in range(len(lines)):
         a, b = lines[i]

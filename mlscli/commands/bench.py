@@ -111,6 +111,23 @@ def _pace(
     overwrite: bool,
     as_json: bool,
 ) -> str:
+    """Time batches and return the report.
+
+    Parameters
+    ----------
+    sizes : str
+        Points in a batch, as `mlscli.trials.pace.parse_sizes` takes them.
+    plot : str or None
+        The file that the times are drawn in.
+    compare : str or None
+        A file with an earlier report in JSON, whose times are put beside.
+    parameters : Parameters
+        Those of the map.
+    overwrite : bool
+        Whether `plot` may exist.
+    as_json : bool
+        Whether the report is JSON or Markdown.
+    """
     from mlscli.errors import InputError
     from mlscli.plot import require_format, write_figure
     from mlscli.trials import pace

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mlscli.pipeline.report import Report
 
 
-# What ends so is not taken for a map by whoever opens it.
+# Endings of other formats, which would mislead other programs.
 _NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
 
 
@@ -189,7 +189,22 @@ def _check_together(
     memory: int | None,
     scratch: str | None,
 ) -> None:
-    """Refuse options that do not go together."""
+    """Refuse options that do not go together.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Those of the map.
+    followed : bool
+        Whether the map is brought up to date after every batch: --growing or --replay.
+    jobs, scheduler, memory, scratch
+        The values of these options, None where not given; `memory` in bytes.
+
+    Raises
+    ------
+    UsageError
+        Naming the options.
+    """
     from mlscli.building.builder import check_workers
 
     growing = "--growing or --replay" if followed else ""
@@ -206,7 +221,7 @@ def _check_together(
 
 
 def _nobody(change: Change) -> None:
-    """Follow a map without looking: it is up to date after every batch all the same."""
+    """Ignore a change: having a follower keeps the map up to date after every batch."""
 
 
 def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[str, Any]:
@@ -227,7 +242,10 @@ def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[
 
 
 def _pace(made: Report, stamps: list[float]) -> dict[str, float | None] | None:
-    """Return how long (s) the slowest batch took, and the flight for a batch on the average."""
+    """Return how long (s) the slowest batch took, and the flight lasted for each batch on average.
+
+    None where the map did not grow by batches.
+    """
     if made.slowest_batch is None:
         return None
     known = [stamp for stamp in stamps if math.isfinite(stamp)]

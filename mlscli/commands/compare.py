@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.scoring import Comparison, Differences, HeightErrors, Measures, Score, Share, Spread
 
-# As of diff and cmp: what could not be compared must not pass for different.
+# Exit statuses as of diff and cmp: maps that cannot be compared must not pass for different ones.
 DIFFER, TROUBLE = 1, 2
 
 _PLACES = {
@@ -60,7 +60,7 @@ def command(
 
 @contextmanager
 def _trouble(names: str) -> Iterator[None]:
-    """Say of which files an error tells, and end with the status for it."""
+    """Give errors the exit status `TROUBLE`, and usage errors the names of the files."""
     try:
         yield
     except InputError as error:
@@ -100,7 +100,7 @@ def _score(map_file: str, truth_file: str, as_json: bool) -> int:
 
 
 def _on_grid_of(surface: SurfaceMap, truth: SurfaceMap) -> SurfaceMap:
-    """Return the truth on the map's grid, made anew where it knows its surfaces."""
+    """Return the truth on the map's grid: recomputed if its grid differs and it has a scene."""
     grid = (surface.cell_size, surface.gap_size, surface.thickness)
     if grid == (truth.cell_size, truth.gap_size, truth.thickness) or "scene" not in truth.meta:
         return truth

@@ -27,7 +27,23 @@ def tell(
     *,
     as_json: bool,
 ) -> int:
-    """Say what a build of these sources would do, and return the exit status."""
+    """Print what a build of these sources would do, and return the exit status.
+
+    Parameters
+    ----------
+    target : str
+        The map's file, which is not written.
+    sources : sequence of str
+        The recording's files.
+    parameters : Parameters
+        Those of the map.
+    follow : callable or None
+        As `mlscli.trials.estimate.estimate_build` takes it.
+    selection : dict
+        The options of `mlscli.open_recording`.
+    as_json : bool
+        Whether to print JSON or text.
+    """
     from mlscli.trials.estimate import estimate_build
 
     estimate = estimate_build(*sources, parameters=parameters, follow=follow, **selection)
@@ -78,7 +94,7 @@ def _number(number: float | None, about: str) -> str:
     if number is None:
         return _UNKNOWN
     if isinstance(number, int):
-        # Two digits are more than an extrapolation is good for.
+        # An extrapolation has two good digits at most.
         return f"{about}{int(float(f'{number:.1e}')) if about else number:,}"
     return f"{number:.6g}" if not about else f"about {number:.2g}"
 

@@ -108,7 +108,7 @@ def command(
 
 
 def _replay(target: Path, surface: SurfaceMap, *, overwrite: bool) -> None:
-    """Write the map as the flight saw it."""
+    """Write the map as a replay: its patches appear as the flight measured them."""
     from mlscli.maps.uncovering import growth
     from mlscli.view.replay import write_replay
 
@@ -126,7 +126,7 @@ def _tell(target: Path, kind: str, counts: dict[str, int], *, as_json: bool) -> 
 
 
 def _format(kind: Format | None, output: str | None) -> Format:
-    """Return the format asked for by name or by the output's ending, which must agree."""
+    """Return the format: `kind`, or by the output's ending, or ply; the first two must agree."""
     ending = None if output is None else Path(output).suffix.lower()
     by_ending = next((name for name in FORMATS if ending == f".{name}"), None)
     if kind and by_ending and kind != by_ending:

@@ -87,7 +87,7 @@ def _of_recording(path: str, columns: str | None, up: str) -> dict[str, Any]:
 
 
 def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
-    """Describe a cloud, its levels in cells of the size that `auto` gives."""
+    """Describe a cloud; its levels are those of cells of the size that `auto` finds."""
     from mlscli.building.build import build
     from mlscli.errors import InputError, with_options
     from mlscli.io.reading.recording import open_recording
@@ -102,7 +102,7 @@ def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
     try:
         description = describe(build(recording, Parameters(pipeline=())).surface)
     except InputError as error:
-        # Of two points there are extents, but no size that cells should have.
+        # Few points have an extent, but no size of cells can be found for them.
         description = {"cell_size": None, "levels": {}}
         notes.append(f"levels cannot be told: {with_options(str(error))}")
     return {

@@ -1,4 +1,4 @@
-"""Which map a command takes where none is named."""
+"""The map that a command takes where none is named."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class Size(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # generic
     name = "size"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Return the bytes, or say how a size is written."""
+        """Return the number of bytes; fail where the value is no size."""
         if isinstance(value, int):
             return value
         found = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)B?", str(value).strip().upper())
@@ -71,5 +71,8 @@ as_json = click.option("--json", "as_json", is_flag=True, help="Print the result
 
 
 def say(message: str) -> None:
-    """Tell the user something that is no result, on standard error."""
+    """Print a message that is not a result, on standard error.
+
+    Arguments in backquotes become options, as `mlscli.errors.with_options` has it.
+    """
     click.echo(with_options(message), err=True)

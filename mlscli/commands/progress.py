@@ -1,4 +1,4 @@
-"""How far a run has come, on a terminal; nothing elsewhere."""
+"""The progress of a run, shown on a terminal only."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ BETWEEN = 0.1  # seconds between two drawings
 class ProgressBar:
     """A line on standard error with a bar, the rate and the time left.
 
-    It is called with what is being done, how much of it is done, and how much there is; with
-    None for the last, the bar is left out.
+    It is called with what is being done, how much of it is done, and how much there is; where the
+    last is None, the bar is left out.
     """
 
     def __init__(self) -> None:
@@ -42,13 +42,13 @@ class ProgressBar:
 
     def _draw(self, text: str) -> None:
         if self._shown:
-            # Clear to the end of the line, for what stood there was longer; and never wrap it.
+            # Clear the rest of a longer line drawn before; never wrap the line.
             width = shutil.get_terminal_size().columns - 1
             click.echo(f"\r{text[:width]}\x1b[K", nl=False, err=True)
 
 
 def line(what: str, done: int, total: int | None, seconds: float) -> str:
-    """Return the line for what is done after some seconds."""
+    """Return the line for `what`, of which `done` of `total` are done after some seconds."""
     rate = done / seconds if seconds > 0 else 0.0
     speed = f"  {rate:,.0f}/s" if rate else ""
     if not total:

@@ -11,7 +11,13 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 class Numbers(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # generic since click 8.3
-    """So many numbers, separated by commas."""
+    """Numbers separated by commas.
+
+    Parameters
+    ----------
+    names : str
+        What they are, separated by commas: a value must have as many numbers as there are names.
+    """
 
     name = "numbers"
 
@@ -25,7 +31,7 @@ class Numbers(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # gene
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
-        """Return the numbers, or say which are expected."""
+        """Return the numbers; fail where the value is not as many numbers as expected."""
         if isinstance(value, tuple):
             return value
         texts = str(value).split(",")
@@ -39,7 +45,7 @@ class Numbers(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # gene
 
 
 def reading(command: Command) -> Command:
-    """Add the options that `mlscli.open_recording` takes, under the names it takes them by."""
+    """Add the options of `mlscli.open_recording`; a command takes them as keywords of its names."""
     options = (
         click.option(
             "--topic", metavar="NAME", help="Topic of the clouds, where a bag has several."

@@ -1,4 +1,4 @@
-"""Results as text: aligned lines of a name and what it is."""
+"""Results as text: aligned lines, each of a name and a value."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Any
 
 
 def lines(rows: Iterable[tuple[str, str]]) -> str:
-    """Return rows as lines, the second parts aligned; empty ones are left out."""
+    """Return rows (name, text) as lines with aligned texts; rows without a text are left out."""
     kept = [(name, text) for name, text in rows if text]
     width = max((len(name) for name, _ in kept), default=0)
     return "\n".join(f"  {name:<{width}}  {text}" for name, text in kept)
 
 
 def some(count: int, noun: str) -> str:
-    """Return ``1 cell``, ``1,234 cells``."""
+    """Return a count with its noun: ``1 cell``, ``1,234 cells``."""
     ending = "" if count == 1 else "es" if noun.endswith("ch") else "s"
     return f"{count:,} {noun}{ending}"
 
 
 def counts(numbers: Mapping[str, int]) -> str:
-    """Return ``12 this, 3 that``; zeros are left out."""
+    """Return counts with their names: ``12 this, 3 that``; zeros are left out."""
     return ", ".join(f"{number:,} {name}" for name, number in numbers.items() if number)
 
 
 def bounds(extent: Mapping[str, Sequence[float]] | None) -> str:
-    """Return ``x -1.2 to 3.4, y ...``, to a thousandth of the extent and finer."""
+    """Return bounds by axis, ``x -1.2 to 3.4; y ...``, to a thousandth of the extent or finer."""
     if extent is None:
         return "nothing"
     texts = []
@@ -43,7 +43,7 @@ def levels(cells_by_level: Mapping[str, int]) -> str:
 
 
 def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the rows that tell what a map holds, from `mlscli.maps.summary.describe`."""
+    """Return the rows on what a map holds, given what `mlscli.maps.summary.describe` returns."""
     patches = dict(description["patches"])
     total, vertical = patches.pop("total"), patches.pop("vertical")
     by_origin = counts(patches)

@@ -249,6 +249,37 @@ def _fly(
     field_of_view: float,
     reach: float | None,
 ) -> Flight:
+    """Fly over a scene with the options of the command.
+
+    Parameters
+    ----------
+    scene : Scene
+    grid : float
+        Spacing of the points, in the unit of the scene.
+    sigma : tuple of float
+        Horizontal and vertical standard deviation of the points.
+    noise : {"thesis", "slam"}
+        Kind of the noise.
+    salt_pepper, outliers : float
+        Probabilities, as in `Noise`.
+    holes : tuple of float
+        How many places without texture, a whole number, and their diameter.
+    seed : int
+        Seed of all random numbers.
+    all_points : bool
+        Whether points that no keyframe sees are recorded, too.
+    route_height : float
+        Height of the survey above the scene's top.
+    field_of_view : float
+        The whole angle that the camera sees, in degrees.
+    reach : float or None
+        How far the camera sees; None: as in `Craft`.
+
+    Raises
+    ------
+    UsageError
+        As `fly`, and where the number of holes is not whole.
+    """
     from mlscli.scenes.flight import Craft, fly
     from mlscli.scenes.noise import Noise
     from mlscli.scenes.surfaces import Scatter

@@ -1,4 +1,4 @@
-"""What `mls info` tells of recordings with topics: what each is good for, and how frames hang."""
+"""What `mls info` reports of recordings with topics: the use of each topic, the tree of frames."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ if TYPE_CHECKING:
     from mlscli.geometry.transforms import TransformTree
     from mlscli.io.source import Source, Topic
 
-_LOOK_SECONDS = 5.0  # for transforms: an hour of them, where they do not lie among images
+# Time to read transforms: enough for an hour of them in a bag without images.
+_LOOK_SECONDS = 5.0
 
 
 def describe(source: Source) -> dict[str, Any]:
-    """Return what each topic is good for, frames, notes and losses, ready for JSON."""
+    """Return topics and their use, frames, notes and losses of a recording, ready for JSON."""
     from mlscli.io.reading.frames import told_tree, why_not_mapped
     from mlscli.io.reading.glance import Glance
 
@@ -48,7 +49,7 @@ def describe(source: Source) -> dict[str, Any]:
 
 
 def _use(topic: Topic) -> str | None:
-    """Say what a topic is good for: clouds, poses, transforms, or nothing."""
+    """Return what a topic can be used for: clouds, poses, transforms or nothing."""
     from mlscli.io.messages.poses import TRANSFORM_TYPES
     from mlscli.io.messages.registry import CLOUD_TYPES
 
@@ -60,7 +61,7 @@ def _use(topic: Topic) -> str | None:
 
 
 def _map_frame(topic: Topic, tree: TransformTree) -> str:
-    """Return the frame in which the clouds of a topic are mapped where nothing else is asked."""
+    """Return the map frame that the clouds of a topic get by default."""
     from mlscli.geometry.transforms import bare
     from mlscli.io.reading.frames import is_world, world_above
 
@@ -71,7 +72,7 @@ def _map_frame(topic: Topic, tree: TransformTree) -> str:
 
 
 def lines(description: dict[str, Any]) -> Iterator[str]:
-    """Tell topics and frames as text."""
+    """Yield the lines of the report on topics and frames; takes what `describe` returns."""
     topics, frames = description["topics"], description["frames"]
     rows = [(t["name"], t["type"], _count(t["messages"]), _good_for(t)) for t in topics]
     widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)]
@@ -109,7 +110,7 @@ def _good_for(topic: dict[str, Any]) -> str:
 
 
 def _tree(links: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Draw frames below their parents, and at last those that hang in a circle."""
+    """Yield a line for each frame, below its parent; last, those whose parents form a circle."""
     children = {link["child"] for link in links}
     drawn: set[str] = set()
 

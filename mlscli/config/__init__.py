@@ -1,6 +1,6 @@
 """Configurations: YAML to parameters, and parameters to YAML with a comment on each.
 
-A configuration is checked as a whole. Every fault in it is reported at once, each with its file,
+A configuration is checked as a whole: all faults in it are reported at once, each with its file,
 line and column, what was found and what would be right.
 """
 
@@ -39,17 +39,17 @@ def load(source: str | os.PathLike[str] | None = None, sets: Sequence[str] = ())
 
     Parameters
     ----------
-    source
+    source : str or path, optional
         The file, or the bare name of a preset (see `PRESETS`); None: all defaults.
-    sets
+    sets : sequence of str
         Settings ``stage.param=value`` that take precedence over the file.
 
     Raises
     ------
     InputError
-        Where the file cannot be read or is no text.
+        Where the file cannot be read, is too large, or is not UTF-8 text.
     ConfigError
-        With every fault of the file and the settings.
+        Where the file or a setting is at fault; lists every fault.
     """
     if source is None:
         return _parameters("", None, sets)
@@ -59,12 +59,27 @@ def load(source: str | os.PathLike[str] | None = None, sets: Sequence[str] = ())
 
 
 def loads(text: str, name: str = "configuration", sets: Sequence[str] = ()) -> Parameters:
-    """Read a configuration from a text that messages call `name`; see `load`."""
+    """Read a configuration from a text; messages call the text `name`.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    name : str
+        What messages call it.
+    sets : sequence of str
+        Settings ``stage.param=value`` that take precedence over the text.
+
+    Raises
+    ------
+    ConfigError
+        Where the text or a setting is at fault; lists every fault.
+    """
     return _parameters(text, name, sets)
 
 
 def preset_text(name: str) -> str:
-    """Return a preset as it is written, with its comments.
+    """Return the text of a preset, with its comments.
 
     Raises
     ------
@@ -75,7 +90,7 @@ def preset_text(name: str) -> str:
         raise ConfigError([f"{name}: no preset of that name; {nearest(name, PRESETS)}"])
     folder: Traversable = resources.files("mlscli") / "presets"
     if not folder.is_dir():
-        # In a source tree, which an editable install points to, the folder stands at the root.
+        # In a source tree, where an editable install leads, the folder is at the root.
         folder = Path(__file__).resolve().parents[2] / "configs"
     return (folder / f"{name}.yaml").read_text(encoding="utf-8")
 
@@ -115,19 +130,19 @@ def _parameters(text: str, name: str | None, sets: Sequence[str]) -> Parameters:
         place, path = _blame(draft, found) or whole, dotted(found.part, found.field)
         draft.fault(place, f"{path}: {found.message}")
     if draft.faults:
-        # In the order of the file, then the settings in theirs.
         ordered = sorted(draft.faults, key=_reading_order)
-        # One setting can be at fault in several stages of a name.
+        # One setting can be at fault in several stages of the same name.
         raise ConfigError(list(dict.fromkeys(map(str, ordered))))
     return parameters
 
 
 def _reading_order(fault: LocatedFault) -> tuple[bool, int, int]:
+    """Return a sort key: faults of the file by line and column, then those of the settings."""
     return (not fault.place.line, fault.place.line, fault.place.column)
 
 
 def _assemble(draft: Draft) -> Parameters:
-    """Give every parameter its value: as given, from another, or the default."""
+    """Return the parameters: each as given, from the parameter it follows, or the default."""
     in_force: dict[str, Any] = {}
 
     def values(part: DraftPart) -> dict[str, Any]:
@@ -146,16 +161,16 @@ def _assemble(draft: Draft) -> Parameters:
 
 
 def _blame(draft: Draft, found: Contradiction) -> Place | None:
-    """Return where a contradicted parameter was given, else where its stage stands."""
+    """Return where the parameter of a contradiction was given, otherwise where its part begins."""
     part = draft.sections[found.part] if found.stage is None else draft.pipeline[found.stage]
     given = part.given.get(found.field)
     return given.place if given else part.place
 
 
 def to_yaml(parameters: Parameters) -> str:
-    """Write the parameters as a configuration that reads back as the same.
+    """Return the parameters as a configuration that reads back as the same parameters.
 
-    Each has a comment on what it does, its unit and its range.
+    Each has a comment on what it does, its unit, its range and its default.
     """
     lines = [
         "# Parameters of a map. A length is in the unit of the recording, or in cells: N cells."

@@ -1,7 +1,7 @@
-"""A configuration while it is being read: what was given, where, and everything wrong with it.
+"""A configuration while it is being read: what was given, where, and all faults.
 
-A draft knows names, kinds and ranges. What is left out takes its value later, and only then can
-be said which parameters contradict each other: see `mlscli.config`.
+A draft checks names, kinds and ranges. `mlscli.config` adds the values of parameters that are left
+out, and then checks whether parameters contradict each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,14 @@ from mlscli.parameters.fields import UNKNOWN, fields_of
 
 
 class Given(NamedTuple):
-    """A value and where it was given."""
+    """A value and where it was given.
+
+    Attributes
+    ----------
+    place : Place
+    value : object
+        The value, converted as its field says; `UNKNOWN` where it is at fault.
+    """
 
     place: Place
     value: Any
@@ -45,11 +52,11 @@ class DraftPart:
     owner : type
         The dataclass whose fields its parameters are.
     place : Place or None
-        Where it stands; None where it was left out.
+        Where it begins; None where it was left out.
     given : dict of str to Given
-        The parameters given.
-    chosen : dict
-        Values of parameters left out, where they are not the defaults of the dataclass.
+        The parameters given, by name.
+    chosen : mapping
+        Defaults of parameters, by name, that take precedence over those of the dataclass.
     """
 
     name: str
@@ -68,12 +75,13 @@ class Draft:
 
     Parameters
     ----------
-    sections
+    sections : mapping of str to type
         The dataclass of each section by name; the empty name is the top level.
-    stages
+    stages : mapping of str to type
         The dataclass of each stage by name.
-    pipeline
-        The stages where the document gives none: names, and values chosen for their parameters.
+    pipeline : mapping of str to mapping
+        The stages where the document gives no pipeline: names, and defaults of their parameters
+        as in `DraftPart`.
     """
 
     def __init__(
@@ -95,12 +103,12 @@ class Draft:
         self.faults.append(LocatedFault(place, message))
 
     def read(self, text: str, name: str) -> None:
-        """Read a document that messages call `name`.
+        """Read a document; messages call it `name`.
 
         Raises
         ------
         UnreadableYaml
-            Where it is no YAML at all.
+            Where it is not valid YAML.
         """
         root, refused = read_yaml(text, name)
         self.faults += refused
@@ -120,7 +128,7 @@ class Draft:
                 self._give(top, key, node)
 
     def set(self, setting: str) -> None:
-        """Take a setting ``stage.param=value``, over what the document says."""
+        """Take a setting ``stage.param=value``, which takes precedence over the document."""
         place = Place(f"`sets` {shorten(setting, 80)}")
         path, equals, text = setting.partition("=")
         path = path.strip()
@@ -140,11 +148,11 @@ class Draft:
         if parts:
             self.faults += refused
         for number, part in enumerate(parts):
-            # Several stages of one name share the setting, and so its fault.
+            # Several stages of one name share the setting: report its fault once.
             self._give(part, Key(place, parameter), node or ScalarNode(place, None), number == 0)
 
     def _parts_named(self, place: Place, part_name: str, parameter: str) -> list[DraftPart]:
-        """Return the parts that a setting speaks of, none where its name is at fault."""
+        """Return the parts that a setting applies to; none where its name is at fault."""
         owners = {name: part.owner for name, part in self.sections.items()} | dict(self.stages)
         path = f"{part_name}.{parameter}" if part_name else parameter
         if not part_name and parameter in owners:
@@ -171,7 +179,7 @@ class Draft:
         if not parts and self._pipeline_known:
             there = ", ".join(dict.fromkeys(part.name for part in self.pipeline)) or "none"
             self.fault(place, f"{path}: {part_name} is not in the pipeline; its stages: {there}")
-        # The value is checked even so, where faults elsewhere hide whether the stage is there.
+        # A stage that is not in the pipeline gets a part as well, so that the value is checked.
         return parts or [DraftPart(part_name, owners[part_name])]
 
     def _top_names(self) -> list[str]:
@@ -196,7 +204,7 @@ class Draft:
                 yield key, value
 
     def _read_part(self, part: DraftPart, node: Node, place: Place) -> None:
-        """Read the parameters of a section or a stage; without any, it keeps its defaults."""
+        """Read the parameters of a section or a stage; it may have none."""
         part.place = place
         if isinstance(node, MapNode):
             for key, value in self._entries(node, part.name, fields_of(part.owner)):
@@ -242,6 +250,7 @@ class Draft:
             self.fault(key.place, f"{path}: unknown stage; {nearest(key.name, self.stages)}")
 
     def _give(self, part: DraftPart, key: Key, node: Node, report: bool = True) -> None:
+        """Give a parameter its value, or `UNKNOWN` and, if `report`, a fault."""
         value = UNKNOWN
         if isinstance(node, ScalarNode):
             try:

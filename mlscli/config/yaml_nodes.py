@@ -1,4 +1,4 @@
-"""YAML as configurations use it: plain data, every value with the place where it stands.
+"""YAML as configurations use it: plain data, every value with the place where it was written.
 
 Scalars follow YAML 1.2: ``1e-3`` is a number, ``on`` and ``no`` are words, only ``true`` and
 ``false`` are truth values, and nothing is read as octal, sexagesimal or a date. Anchors, aliases
@@ -25,7 +25,15 @@ _TRUTH = {"true": True, "false": False}
 
 
 class Place(NamedTuple):
-    """Where something was written: a file's line and column, both from 1; line 0 is the whole."""
+    """Where something was written.
+
+    Attributes
+    ----------
+    name : str
+        The file, or what messages call the text.
+    line, column : int
+        Both from 1; line 0: the whole text.
+    """
 
     name: str
     line: int = 0
@@ -36,7 +44,14 @@ class Place(NamedTuple):
 
 
 class LocatedFault(NamedTuple):
-    """What is wrong at a place, and what would be right."""
+    """A fault and its place.
+
+    Attributes
+    ----------
+    place : Place
+    message : str
+        What is wrong, and what would be right.
+    """
 
     place: Place
     message: str
@@ -46,7 +61,7 @@ class LocatedFault(NamedTuple):
 
 
 class UnreadableYaml(Exception):  # noqa: N818
-    """The text is no YAML, so that nothing can be said about its values."""
+    """The text is not valid YAML, so that its values cannot be read."""
 
     def __init__(self, fault: LocatedFault) -> None:
         super().__init__(str(fault))
@@ -79,13 +94,19 @@ class MapNode:
 
 @dataclass(frozen=True)
 class RefusedNode:
-    """A value that is not taken, for a reason already reported."""
+    """A value that was refused; the reason is already reported."""
 
     place: Place
 
 
 class Key(NamedTuple):
-    """A key as it was written."""
+    """A key as it was written.
+
+    Attributes
+    ----------
+    place : Place
+    name : str
+    """
 
     place: Place
     name: str
@@ -95,7 +116,7 @@ Node: TypeAlias = ScalarNode | ListNode | MapNode | RefusedNode
 
 
 def describe(node: Node) -> str:
-    """Say in a few words what a value is."""
+    """Return in a few words what a value is, for messages."""
     if isinstance(node, ListNode):
         return "a list"
     if isinstance(node, MapNode):
@@ -110,22 +131,24 @@ def read_yaml(
 
     Parameters
     ----------
-    text
+    text : str
         The document.
-    name
-        What places call it.
-    place
-        Where all of it stands; None: at the lines and columns of `name`.
+    name : str
+        The name of the file in places.
+    place : Place, optional
+        The place of all values; None: each has its own line and column.
 
     Returns
     -------
-    tuple
-        The document's value, None where the document is empty, and what was refused in it.
+    root : Node or None
+        The document's value; None where the document is empty.
+    faults : list of LocatedFault
+        What was refused in it.
 
     Raises
     ------
     UnreadableYaml
-        Where the text breaks the rules of YAML, or is nested too deeply.
+        Where the text is not valid YAML, or is nested too deeply.
     """
 
     def locate(mark: Any) -> Place:
@@ -144,7 +167,7 @@ def read_yaml(
         parts = [part for part in (error.context, error.problem) if part]
         raise UnreadableYaml(LocatedFault(at, f"no valid YAML: {', '.join(parts)}")) from error
     except (ValueError, OverflowError) as error:
-        # The scanner trips over escapes beyond Unicode.
+        # PyYAML's scanner raises these for escapes beyond Unicode.
         message = "no valid YAML: a number after a backslash stands for no character"
         raise UnreadableYaml(LocatedFault(reader.last, message)) from error
 
@@ -225,7 +248,7 @@ def _scalar(text: str) -> bool | float | str | None:
         return None
     if text in _TRUTH:
         return _TRUTH[text]
-    # Python refuses whole numbers of thousands of digits; as floats they are merely out of range.
+    # int() refuses thousands of digits; as floats, such numbers are out of range.
     if _INTEGER.fullmatch(text) and len(text) <= 300:
         return int(text)
     return float(text) if _NUMBER.fullmatch(text) else text

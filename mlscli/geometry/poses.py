@@ -19,7 +19,9 @@ class Pose(NamedTuple):
     Attributes
     ----------
     translation : float64 (3,)
+        In the unit of the recording.
     rotation : float64 (4,)
+        Unit quaternion x y z w.
     """
 
     translation: Float64
@@ -32,10 +34,11 @@ class Poses(NamedTuple):
     Attributes
     ----------
     translation : float64 (M, 3)
-        NaN where not known.
+        In the unit of the recording; NaN where not known.
     rotation : float64 (M, 4)
-        NaN where not known.
+        Unit quaternions x y z w; NaN where not known.
     known : bool (M,)
+        Whether the pose at each time is known.
     """
 
     translation: Float64
@@ -49,7 +52,7 @@ class Poses(NamedTuple):
         return Poses(-_rotated(rotation, self.translation), rotation, self.known)
 
     def chained(self, other: Poses) -> Poses:
-        """Return T_a_c of these T_a_b and the others' T_b_c; a single one goes with many."""
+        """Return T_a_c, where these are T_a_b and the others T_b_c; a single one is broadcast."""
         return Poses(
             self.translation + _rotated(self.rotation, other.translation),
             _product(self.rotation, other.rotation),
@@ -57,25 +60,34 @@ class Poses(NamedTuple):
         )
 
     def pose(self, row: int) -> Pose:
-        """Return one of them."""
+        """Return the pose of one row."""
         return Pose(self.translation[row], self.rotation[row])
 
 
 def identity(count: int) -> Poses:
-    """Return T_a_a at so many times."""
+    """Return T_a_a, `count` times."""
     rotation = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
     return Poses(np.zeros((count, 3)), rotation, np.ones(count, dtype=np.bool_))
 
 
 def unknown(count: int) -> Poses:
-    """Return poses of which nothing is known."""
+    """Return `count` poses that are not known."""
     none = np.zeros(count, dtype=np.bool_)
     return Poses(np.full((count, 3), np.nan), np.full((count, 4), np.nan), none)
 
 
 def tells_pose(stamps: Float64, translations: Float64, rotations: Float64) -> Bool:
-    """Tell which rows (N,) are poses: all is finite, and the quaternion has a length."""
-    # One too long to be told is none.
+    """Return which rows are valid poses, bool (N,): all finite, and the quaternion not 0.
+
+    Parameters
+    ----------
+    stamps : float64 (N,)
+        Seconds.
+    translations : float64 (N, 3)
+    rotations : float64 (N, 4)
+        Quaternions x y z w of any length.
+    """
+    # A quaternion whose length overflows is none.
     with np.errstate(over="ignore"):
         lengths = np.linalg.norm(rotations, axis=1)
     told = np.isfinite(stamps) & np.isfinite(translations).all(axis=1)
@@ -83,13 +95,13 @@ def tells_pose(stamps: Float64, translations: Float64, rotations: Float64) -> Bo
 
 
 def in_order(stamps: Float64, rows: Int64) -> Int64:
-    """Return rows in the order of their time stamps; of equal ones the last."""
+    """Return rows, int64, in the order of their time stamps; of equal stamps only the last row."""
     rows = rows[np.argsort(stamps[rows], kind="stable")]
     return rows[np.diff(stamps[rows], append=np.inf) > 0]
 
 
 def unit(rotations: Float64) -> Float64:
-    """Return quaternions (N, 4) of length 1."""
+    """Return quaternions (N, 4) scaled to length 1."""
     return np.asarray(rotations / np.linalg.norm(rotations, axis=1, keepdims=True))
 
 
@@ -113,7 +125,7 @@ def turn(matrix: Float64, points: Float64) -> Float64:
     of threads.
     """
     x, y, z = points.T
-    # What is not finite may spoil the other coordinates of its point, which is dropped later.
+    # A coordinate that is not finite may spoil the others of its point, which is dropped later.
     with np.errstate(invalid="ignore", over="ignore"):
         return np.stack([(a * x + b * y) + c * z for a, b, c in matrix.tolist()], axis=1)
 
@@ -121,26 +133,27 @@ def turn(matrix: Float64, points: Float64) -> Float64:
 class PoseTrack:
     """Poses over time: linear between them for translations, slerp for rotations.
 
-    Before the first and after the last pose that one holds for half a period, which is half the
-    median spacing of the time stamps; beyond, nothing is known. A single pose has no period and
-    is known at its own time stamp only. Gaps within are bridged, however wide: the time stamps of
-    keyframes keep no beat.
+    The first pose also holds for half a period before it, and the last for half a period after it;
+    a period is the median spacing of the time stamps. Beyond that no pose is known. A single pose
+    has no period and is known at its own time stamp only. Gaps between poses are bridged, however
+    wide they are, because keyframes may come at irregular times.
 
     Parameters
     ----------
     stamps : float64 (N,)
-        In any order. Of equal ones the last counts.
+        Seconds, in any order. Of equal ones the last counts.
     translations : float64 (N, 3)
+        In the unit of the recording.
     rotations : float64 (N, 4)
         Quaternions x y z w of any length but 0; q and -q are the same.
     series : int64 (N,), optional
-        From a pose of one series to one of another there is no way between: the earlier holds
-        until the later.
+        Nothing is interpolated between poses of different series: the earlier pose holds until
+        the later one. By default all are of one series.
 
     Attributes
     ----------
-    stamps : float64
-        Those of the poses that `tells_pose` accepts, ascending.
+    stamps : float64 (M,)
+        Time stamps of the valid poses (see `tells_pose`), ascending, each once.
     """
 
     def __init__(
@@ -159,7 +172,7 @@ class PoseTrack:
         self._span = (self.stamps[0] - slack, self.stamps[-1] + slack) if len(rows) else (1, 0)
 
     def at(self, stamps: Float64) -> Poses:
-        """Return the pose at each of these times (M,); at NaN none is known."""
+        """Return the pose at each of these times (M,), in seconds; at NaN none is known."""
         if not len(self.stamps):
             return unknown(len(stamps))
         low, high, share = self._between(stamps)
@@ -169,12 +182,15 @@ class PoseTrack:
         return Poses(translation, _slerp(self._rotations[low], self._rotations[high], share), known)
 
     def series_at(self, stamps: Float64) -> Int64:
-        """Return the series of the pose that counts at each of these times, known or not."""
+        """Return the series of the pose in force at each of these times (M,), known or not.
+
+        There must be at least one pose.
+        """
         low, high, share = self._between(stamps)
         return np.where(share == 1, self._series[high], self._series[low])
 
     def _between(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
-        """Return the poses on both sides of each time, and its share of the way from the first."""
+        """Return the rows before and after each time (M,), and its share of the way, 0 to 1."""
         last = len(self.stamps) - 1
         low = np.clip(np.searchsorted(self.stamps, stamps, side="right") - 1, 0, max(0, last - 1))
         high = np.minimum(low + 1, last)
@@ -184,7 +200,7 @@ class PoseTrack:
 
 
 def _slerp(begin: Float64, end: Float64, share: Float64) -> Float64:
-    """Turn from one rotation towards the other, the short way, at a constant rate."""
+    """Interpolate between unit quaternions (M, 4), the short way; `share` (M, 1) is 0 to 1."""
     end = np.where(_dot(begin, end) < 0, -end, end)
     difference, total = end - begin, end + begin
     angle = 2 * np.arctan2(np.sqrt(_dot(difference, difference)), np.sqrt(_dot(total, total)))
@@ -200,7 +216,7 @@ def _dot(a: Float64, b: Float64) -> Float64:
 
 
 def _product(a: Float64, b: Float64) -> Float64:
-    """Multiply quaternions."""
+    """Multiply quaternions x y z w."""
     (u, s), (v, t) = _parts(a), _parts(b)
     return np.concatenate((s * v + t * u + _cross(u, v), s * t - _dot(u, v)), axis=-1)
 
@@ -217,6 +233,6 @@ def _parts(quaternions: Float64) -> tuple[Float64, Float64]:
 
 
 def _cross(a: Float64, b: Float64) -> Float64:
-    # numpy's own takes five times as long for a single one.
+    # np.cross takes five times as long for a single product.
     after, before = [1, 2, 0], [2, 0, 1]
     return a[..., after] * b[..., before] - a[..., before] * b[..., after]

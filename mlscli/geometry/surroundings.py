@@ -1,4 +1,4 @@
-"""What the points around a point form: a sample of a cloud, and planes through it."""
+"""A sample of a cloud, and planes fitted to the surroundings of its points."""
 
 from __future__ import annotations
 
@@ -11,18 +11,24 @@ from mlscli.runtime.arrays import Float64, UInt64
 
 SAMPLE = 30_000
 
-# The variance across a plane over that along its shorter side: a plane is trusted by
-# exp(-thickness / _THICKNESS), which is e^-1 where it is a seventh as thick as wide.
+# A plane is trusted by exp(-ratio / _THICKNESS), where the ratio is that of the variances across
+# the plane and along its shorter side: e^-1 where it is a seventh as thick as wide.
 _THICKNESS = 0.02
-# Neighbours on a line, such as one sweep of a laser, form no plane.
+# Least ratio of the variances along the shorter and the longer side: neighbours on a line, such as
+# one sweep of a laser, form no plane.
 _THINNEST = 0.03
 _AT_ONCE = 4096
 
 
 class PointSample:
-    """A bounded sample of points, whatever their order and however often they come.
+    """A bounded sample of distinct points; neither their order nor repetitions change it.
 
-    Points are put in the order of a hash of their coordinates, and the first are kept.
+    Points are sorted by a hash of their coordinates, and the first `size` are kept.
+
+    Parameters
+    ----------
+    size : int
+        The most points that are kept.
     """
 
     def __init__(self, size: int = SAMPLE) -> None:
@@ -33,7 +39,7 @@ class PointSample:
         self._unsettled = 0
 
     def add(self, points: Float64) -> None:
-        """Add points (N, 3); those that are no measurement are left out."""
+        """Add points, float64 (N, 3), without those that are not finite or beyond `FARTHEST`."""
         self._waiting.append(points)
         self._unsettled += len(points)
         if self._unsettled > self._size:
@@ -41,7 +47,7 @@ class PointSample:
 
     @property
     def points(self) -> Float64:
-        """The sample (M, 3), in the order of the hash: its beginning is a smaller sample."""
+        """The sample, float64 (M, 3), sorted by hash: its first points are a smaller sample."""
         self._settle()
         return self._points
 
@@ -59,10 +65,11 @@ class Planes(NamedTuple):
     Attributes
     ----------
     points : float64 (N, 3)
+        Coordinates, in the unit of the recording.
     normals : float64 (N, 3)
-        Of length 1; which of the two is not said.
+        Unit normals, to either side of the plane.
     trust : float64 (N,)
-        1 where the surroundings lie in the plane, down to 0 where they form none.
+        From 1, where the surroundings lie in the plane, down to 0, where they form no plane.
     """
 
     points: Float64
@@ -71,12 +78,16 @@ class Planes(NamedTuple):
 
 
 def planes(points: Float64, neighbours: int = 16) -> Planes:
-    """Fit a plane to so many nearest neighbours of each point, itself among them.
+    """Fit a plane to the nearest neighbours of each point.
+
+    A plane is not trusted where these reach more than three times as far as the median.
 
     Parameters
     ----------
     points : float64 (N, 3)
         No point twice.
+    neighbours : int
+        How many neighbours, the point itself among them.
     """
     from scipy.spatial import cKDTree
 
@@ -98,7 +109,7 @@ def planes(points: Float64, neighbours: int = 16) -> Planes:
 
 
 def _hash(points: Float64) -> UInt64:
-    """Mix the bits of three coordinates (splitmix64, by S. Vigna)."""
+    """Return a hash of each point (N, 3), uint64 (N,): bits mixed as in S. Vigna's splitmix64."""
     key = np.zeros(len(points), dtype=np.uint64)
     for bits in np.ascontiguousarray(points).view(np.uint64).T:
         key = (key ^ bits) + np.uint64(0x9E3779B97F4A7C15)

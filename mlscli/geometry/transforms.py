@@ -1,8 +1,8 @@
-"""The tree of frames that /tf and /tf_static tell.
+"""The tree of frames that /tf and /tf_static define.
 
-Each frame hangs below a parent, in which its pose is known over time (see `PoseTrack`) or at all
-times. A frame may change its parent. Then, as in tf2, at any time the parent of the last transform
-before counts, and between transforms of different parents the earlier one holds.
+Each frame but the root has a parent, in which its pose is known over time (see `PoseTrack`) or at
+all times. A frame may change its parent. As in tf2, the parent at any time is then that of the last
+transform before it, and between transforms of different parents the earlier one holds.
 """
 
 from __future__ import annotations
@@ -18,7 +18,15 @@ from mlscli.runtime.arrays import Bool, Float64
 
 
 class Link(NamedTuple):
-    """A frame and what it hangs below; over time it can have hung below several."""
+    """A frame and one of the parents that it has over time.
+
+    Attributes
+    ----------
+    parent, child : str
+        Names of the frames.
+    moves : bool
+        Whether the child has transforms over time, rather than a static one.
+    """
 
     parent: str
     child: str
@@ -26,10 +34,10 @@ class Link(NamedTuple):
 
 
 class TransformTree:
-    """Frames and where they stand in one another, told in any order.
+    """Frames and the transforms between them, added in any order.
 
-    Slashes that lead the name of a frame mean nothing. Of several static transforms of a frame
-    the last one told counts, and none where the frame has transforms over time.
+    Slashes at the beginning of a frame's name are ignored. Of several static transforms of a frame
+    the last one added counts, and none where the frame has transforms over time.
     """
 
     def __init__(self) -> None:
@@ -40,19 +48,21 @@ class TransformTree:
     def add(
         self, parent: str, child: str, stamps: Float64, translations: Float64, rotations: Float64
     ) -> None:
-        """Tell where a frame was in its parent: T_parent_child over time.
+        """Add T_parent_child over time.
 
-        Left out is what tells nothing: numbers are not finite, a quaternion has no length, or a
-        frame has no name or hangs below itself.
+        Transforms with numbers that are not finite or a quaternion of length 0 are ignored, and all
+        where a frame has no name or is its own parent.
 
         Parameters
         ----------
         parent, child : str
+            Names of the frames.
         stamps : float64 (N,)
-            Seconds, in any order. Of equal ones the last one told counts.
+            Seconds, in any order. Of equal ones the last one added counts.
         translations : float64 (N, 3)
+            In the unit of the recording.
         rotations : float64 (N, 4)
-            Quaternions x y z w.
+            Quaternions x y z w of any length but 0.
         """
         parent, child = bare(parent), bare(child)
         told = tells_pose(stamps, translations, rotations) & _may_hang(parent, child)
@@ -62,7 +72,7 @@ class TransformTree:
             self._routes.clear()
 
     def add_static(self, parent: str, child: str, translation: Float64, rotation: Float64) -> None:
-        """Tell where a frame is in its parent at all times: T_parent_child; as `add`."""
+        """Add T_parent_child for all times: translation (3,), quaternion (4,), as in `add`."""
         parent, child = bare(parent), bare(child)
         translations, rotations = translation.reshape(1, 3), rotation.reshape(1, 4)
         if (tells_pose(np.zeros(1), translations, rotations) & _may_hang(parent, child)).all():
@@ -88,29 +98,32 @@ class TransformTree:
         Raises
         ------
         InputError
-            The frames hang below one another in a circle.
+            Where the frames form a cycle.
         """
         return self._upwards(bare(frame), {})
 
     def moves(self, frame: str) -> bool:
-        """Tell whether a frame, or one of its ancestors, has transforms over time."""
+        """Return whether a frame or one of its ancestors has transforms over time."""
         return any(above in self._moving for above in self.ancestors(frame))
 
     def lookup(self, target: str, source: str, stamps: Float64) -> Poses:
         """Return T_target_source at each of these times.
 
         It is known where all transforms between the frames are: static ones at all times, even
-        at NaN, the others as `PoseTrack` says.
+        at NaN, the others as in `PoseTrack`.
 
         Parameters
         ----------
         target, source : str
+            Names of the frames.
         stamps : float64 (M,)
+            Seconds.
 
         Raises
         ------
         InputError
-            The frames are connected at none of these times, or hang in a circle.
+            Where the transform is known at none of these times, and at some of them the frames are
+            not connected or form a cycle.
         """
         target, source = bare(target), bare(source)
         if target == source:
@@ -132,12 +145,12 @@ class TransformTree:
         return poses
 
     def check_way(self, target: str, source: str) -> None:
-        """Refuse frames that nothing connects at any time.
+        """Raise an error if two frames are connected at no time.
 
         Raises
         ------
         InputError
-            There are such frames, or they hang in a circle.
+            Where the frames are not connected, or form a cycle, at all times.
         """
         target, source = bare(target), bare(source)
         changing = self._changing
@@ -160,11 +173,11 @@ class TransformTree:
 
     @property
     def _changing(self) -> list[str]:
-        """The frames that have had several parents."""
+        """The frames with several parents over time."""
         return [child for child, moving in self._moving.items() if len(moving.parents) > 1]
 
     def _parents(self, child: str) -> list[str]:
-        """Return the parents that a frame has had; none at the root."""
+        """Return the parents that a frame has over time; none for the root."""
         if child in self._moving:
             return self._moving[child].parents
         return [self._static[child].parent] if child in self._static else []
@@ -172,7 +185,7 @@ class TransformTree:
     def _periods(
         self, changing: Sequence[str], stamps: Float64
     ) -> Iterator[tuple[Bool, dict[str, str]]]:
-        """Yield the times at which all frames keep their parents, and those that these keep."""
+        """Yield times with the same parents, as a mask (M,), and these parents by child."""
         series = np.stack([self._moving[child].track.series_at(stamps) for child in changing], 1)
         kept, period = np.unique(series, axis=0, return_inverse=True)
         for number, numbers in enumerate(kept.tolist()):
@@ -183,7 +196,7 @@ class TransformTree:
             yield period.ravel() == number, parents
 
     def _upwards(self, frame: str, parents: Mapping[str, str]) -> list[str]:
-        """Return a frame and its ancestors; where a frame has had several parents, by these."""
+        """Return a frame and its ancestors; of several parents, that in `parents` or the last."""
         chain = [frame]
         while above := self._parents(chain[-1]):
             parent = parents.get(chain[-1]) or above[0]
@@ -196,13 +209,19 @@ class TransformTree:
         return chain
 
     def _route(self, target: str, source: str) -> _Route:
-        """Return the way between two frames of a tree in which no frame changes its parent."""
+        """Return the route between two frames of a tree in which no frame changes its parent."""
         if (target, source) not in self._routes:
             self._routes[target, source] = self._find_route(target, source, {})
         return self._routes[target, source]
 
     def _find_route(self, target: str, source: str, parents: Mapping[str, str]) -> _Route:
-        """Return the frames below the nearest common ancestor, from either frame upwards."""
+        """Return the route between two frames, by `parents` where these change.
+
+        Raises
+        ------
+        InputError
+            Where the frames are not connected, or form a cycle.
+        """
         chain_target, chain_source = self._upwards(target, parents), self._upwards(source, parents)
         meeting = next((frame for frame in chain_source if frame in chain_target), None)
         if meeting is None:
@@ -215,7 +234,7 @@ class TransformTree:
         )
 
     def _company(self, frame: str) -> str:
-        """Say with which frames one is connected."""
+        """Return a text that says which frames a frame is connected with."""
         members, fresh = {frame}, [frame]
         links = [(child, parent) for child in self.frames for parent in self._parents(child)]
         while fresh:
@@ -227,7 +246,7 @@ class TransformTree:
         return f"{frame!r} is connected with {', '.join(map(repr, others)) or 'nothing'}"
 
     def _along(self, route: _Route, stamps: Float64) -> Poses:
-        """Return T_target_source along the way."""
+        """Return T_target_source along a route."""
         poses = self._climb(route.above_source, stamps)
         if route.above_target:
             poses = self._climb(route.above_target, stamps).inverse.chained(poses)
@@ -236,7 +255,7 @@ class TransformTree:
         return poses
 
     def _climb(self, children: Sequence[str], stamps: Float64) -> Poses:
-        """Chain the transforms of these frames to their parents."""
+        """Chain the transforms of successive frames to their parents; none: the identity."""
         poses = None
         for child in children:
             moving = self._moving.get(child)
@@ -246,19 +265,26 @@ class TransformTree:
 
 
 def bare(frame: str) -> str:
-    """Return the name of a frame without blanks around it and slashes before it."""
+    """Return the name of a frame without surrounding blanks and leading slashes."""
     return frame.strip().lstrip("/")
 
 
 class _Static(NamedTuple):
-    """A frame that stands still in its parent."""
+    """A frame with a static transform.
+
+    Attributes
+    ----------
+    parent : str
+    poses : Poses
+        T_parent_child, a single pose.
+    """
 
     parent: str
     poses: Poses
 
 
 class _Moving:
-    """A frame that moves: the parents it has had, and its poses in the one of each time."""
+    """A frame with transforms over time: its parents, and its poses in the parent of each time."""
 
     def __init__(self) -> None:
         self.parents: list[str] = []
@@ -273,7 +299,7 @@ class _Moving:
 
     @property
     def track(self) -> PoseTrack:
-        """All that was told, sorted; a series is a place among the parents."""
+        """All poses over time; the series of a pose is the index of its parent in `parents`."""
         if self._track is None:
             places, stamps, translations, rotations = zip(*self._told, strict=True)
             self._track = PoseTrack(
@@ -290,7 +316,14 @@ class _Moving:
 
 
 class _Route(NamedTuple):
-    """The frames on the way from the target and from the source up to where they meet."""
+    """The frames between two frames and their nearest common ancestor, without that.
+
+    Attributes
+    ----------
+    above_target, above_source : list of str
+        The target or the source itself and its ancestors, upwards; empty where it is the common
+        ancestor.
+    """
 
     above_target: list[str]
     above_source: list[str]

@@ -1,4 +1,4 @@
-"""Which way is up: the axes that can be told, the vertical that was found, and the turn to z."""
+"""Which way is up: the axes that a user can name, a vertical that was found, the rotation to z."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class Up:
     Attributes
     ----------
     axis : float64 (3,)
-        Upwards, of length 1, in the frame of the recording.
+        Unit vector upwards, in the frame of the recording.
     level, plumb : float
-        Of the points with flat surroundings, the share for which these are level, and the share
-        for which they are plumb, both within 15 degrees.
+        Of the points with flat surroundings, the share (0 to 1) whose surroundings are level, and
+        the share whose surroundings are plumb, both within 15 degrees.
     runner_up : float64 (3,)
-        The best of the directions that are 45 degrees or more away.
+        The best of the directions that are 45 degrees or more away, a unit vector.
     doubt : float
-        Its score over that of `axis`: from 0 to 0.85.
+        The score of `runner_up` over that of `axis`: from 0 to 0.85.
     why : str
-        What told upwards from downwards.
+        What distinguished up from down.
     """
 
     axis: Float64
@@ -48,7 +48,7 @@ class Up:
 
     @property
     def support(self) -> float:
-        """The share of the points with flat surroundings for which they are level or plumb."""
+        """Of the points with flat surroundings, the share whose surroundings are level or plumb."""
         return self.level + self.plumb
 
     @property
@@ -58,7 +58,7 @@ class Up:
 
     @property
     def summary(self) -> str:
-        """What the user should know."""
+        """The result as a message to the user."""
         return (
             f"`up` auto: up is {describe(self.axis)}, supported by {self.support:.0%} of the "
             f"points with flat surroundings ({self.level:.0%} level, {self.plumb:.0%} upright); "
@@ -67,16 +67,16 @@ class Up:
 
 
 def rotation_to_z(axis: Float64) -> Float64:
-    """Return the smallest rotation (3, 3) that turns a direction of length 1 to z.
+    """Return the smallest rotation, float64 (3, 3), that turns a unit vector (3,) to z.
 
-    Of the axes themselves these are the turns of `UP_AXES`: all entries are 0, 1 or -1. A
-    direction straight down is turned about x.
+    For the axes themselves it is the turn of `UP_AXES`, with entries 0, 1 and -1 only. A vector
+    straight down is turned about x.
     """
     x, y, z = axis.tolist()
     across = x * x + y * y
     if z < 0 and across < 1e-24:
         return np.diag([1.0, -1.0, -1.0])
-    # The same but for rounding: the first fails near -z, the second near z.
+    # Both are 1 / (1 + z) but for rounding: the first fails near -z, the second near z.
     k = 1 / (1 + z) if z > 0 else (1 - z) / across
     return np.array([[1 - k * x * x, -k * x * y, -x], [-k * x * y, 1 - k * y * y, -y], [x, y, z]])
 
@@ -89,7 +89,7 @@ def nearest_axis(axis: Float64) -> tuple[str, float]:
 
 
 def describe(axis: Float64) -> str:
-    """Name a direction by its axis, or else by its coordinates and the axis nearest to it."""
+    """Return a direction as text: its axis, or else its coordinates and the nearest axis."""
     name, degrees = nearest_axis(axis)
     if degrees < 0.5:
         return name

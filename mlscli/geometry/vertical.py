@@ -1,13 +1,12 @@
-"""The vertical of a cloud, found where nobody told it.
+"""The vertical of a cloud, found where the user did not name it.
 
-Of the directions all round, it is the one for which
+It is the direction with the highest score, a product of three:
 
-- what is flat is *level* or *plumb*: floors, ground and roofs lie across it, walls stand along it;
+- flat surfaces are *level* or *plumb*: floors, ground and roofs lie across it, walls along it;
 - the cloud extends little: a flight covers more ground than height;
 - the craft keeps its attitude: it turns about the vertical and hardly tilts.
 
-Floors count twice as much as walls: in a room, seen from any of its three axes, all is level or
-plumb. The score is the product of the three.
+Floors count twice as much as walls: otherwise all three axes of a room would be supported equally.
 """
 
 from __future__ import annotations
@@ -22,22 +21,26 @@ from mlscli.geometry.up import UP_AXES, Up, describe, nearest_axis
 from mlscli.runtime.arrays import Float64
 
 _DIRECTIONS = 2000
-# Two axes are this far apart, and supported about equally from this share of the score on.
+# The runner-up is at least this far from the axis; with at least this share of its score the two
+# are supported about equally.
 _APART = math.radians(45)
 _EQUAL = 0.85
-# Surroundings of growing size: so many neighbours among the points or a part of them. They grow
-# until those of enough points are flat; in a noisy cloud, small ones are not.
+# Surroundings of growing size: how many neighbours, and among which part of the points (one in so
+# many). They grow until those of enough points are flat; in a noisy cloud, small ones are not.
 _SURROUNDINGS = ((16, 1), (32, 1), (64, 1), (128, 1), (128, 4), (128, 16))
+# Sums of trust: the first is enough, and less than the second is too little.
 _ENOUGH = 50.0
 _FEWEST = 10.0
-# A craft tilts by about so much.
+# The usual tilt of a craft.
 _TILT = math.radians(12)
-# An axis found this near to one of the recording's is that one.
+# An axis this near to one of the recording's is replaced by that.
 _ROUNDING = 1e-6
-# Shares of what is level above and below the craft that differ by less tell nothing.
+# The route decides which way is up only if the shares of level surfaces above and below the craft
+# differ by more than this.
 _EVEN = 0.2
 # Most recordings have z up or, in a camera's frame, y down, at most so much out of plumb, as
-# cameras look down a little. Each outweighs so much evidence against it; there can be 1.5.
+# cameras look down a little. Such an axis is given up only for more evidence against it than
+# `_CUSTOM`; there can be up to 1.5.
 _OUT_OF_PLUMB = math.radians(25)
 _CUSTOMARY = np.array([(0.0, 0.0, 1.0), (0.0, -1.0, 0.0)])
 _CUSTOM = np.array([1.1, 0.8])
@@ -46,10 +49,11 @@ _CUSTOM = np.array([1.1, 0.8])
 def find_up(points: Float64, route: Float64 | None = None, attitudes: Float64 | None = None) -> Up:
     """Find the vertical of a recording, and which way along it is up.
 
-    Up is the side on which the craft flew: above most of what is level. Without a route, or where
-    it has as much above as below, the scene tells: most that is level lies in its lower half, and
-    what stands there thins out upwards. A ceiling whose floor is not seen looks like that upside
-    down; so, within 25 degrees of them, z up and y down are only given up for plain evidence.
+    Up is the side on which the craft flew: above most level surfaces. Without a route, or where
+    about as many lie above it as below, the scene decides: most level surfaces lie in its lower
+    half, and points on other surfaces thin out upwards. A ceiling whose floor is not seen looks
+    like that upside down; so an axis within 25 degrees of z up or y down is given up only for clear
+    evidence.
 
     Parameters
     ----------
@@ -64,7 +68,7 @@ def find_up(points: Float64, route: Float64 | None = None, attitudes: Float64 | 
     Raises
     ------
     InputError
-        There are too few points on surfaces, or two axes are supported about equally.
+        Where too few points have flat surroundings, or two axes are supported about equally.
     """
     surfaces = _surfaces(points)
     directions = _half_sphere(_DIRECTIONS)
@@ -86,7 +90,13 @@ def find_up(points: Float64, route: Float64 | None = None, attitudes: Float64 | 
 
 
 def _surfaces(points: Float64) -> Planes:
-    """Return the planes through the smallest surroundings of which enough are flat."""
+    """Return the planes through the smallest surroundings of which enough are flat.
+
+    Raises
+    ------
+    InputError
+        Where too few are flat, whatever their size.
+    """
     best, most = None, 0.0
     for neighbours, part in _SURROUNDINGS:
         some = points[: len(points) // part]
@@ -117,7 +127,7 @@ def _undecided(surfaces: Planes, *axes: Float64) -> str:
 
 
 def _half_sphere(count: int) -> Float64:
-    """Spread directions evenly over a half sphere, along a spiral."""
+    """Return unit vectors (count, 3) spread evenly over a half sphere, along a spiral."""
     z = (np.arange(count) + 0.5) / count
     turn = np.arange(count) * (math.pi * (3 - math.sqrt(5)))
     radius = np.sqrt(1 - z * z)
@@ -125,7 +135,7 @@ def _half_sphere(count: int) -> Float64:
 
 
 def _level_and_plumb(surfaces: Planes, directions: Float64) -> Float64:
-    """Return the share of what is flat that is level, and half the share that is plumb.
+    """Return for each direction (D, 3) the share of planes that are level, plus half that of plumb.
 
     Ground and roofs may slope: they count in full up to 15 degrees, and less up to 45.
     """
@@ -139,7 +149,7 @@ def _level_and_plumb(surfaces: Planes, directions: Float64) -> Float64:
 
 
 def _flatness(points: Float64, directions: Float64) -> Float64:
-    """Return how little the cloud extends along each direction: over it, the median of all."""
+    """Return the cloud's median extent over that along each direction (D, 3), at most 20."""
     low, high = np.percentile(_dots(points[: len(directions)], directions), [10, 90], axis=0)
     extent = high - low
     usual = np.median(extent)
@@ -147,10 +157,10 @@ def _flatness(points: Float64, directions: Float64) -> Float64:
 
 
 def _steadiness(attitudes: Float64, directions: Float64) -> Float64:
-    """Return how steadily a craft keeps its attitude if it turns about each direction.
+    """Return how steadily the craft keeps its attitude if it turns about each direction (D, 3).
 
-    Seen from the craft a direction wanders. The mean of where it is seen is shorter than 1 by half
-    the mean square of its wandering, in radians.
+    Seen from the craft, a direction wanders. The mean of the unit vectors seen is shorter than 1 by
+    half the mean square of the angles (radians) between them and their mean.
     """
     from scipy.spatial.transform import Rotation
 
@@ -163,7 +173,7 @@ def _steadiness(attitudes: Float64, directions: Float64) -> Float64:
 
 
 def _refined(surfaces: Planes, axis: Float64) -> Float64:
-    """Return the direction near this one that is most along level normals and across plumb ones."""
+    """Return the axis near this one that best fits the normals of level and plumb planes."""
     normals = surfaces.normals
     for _ in range(20):
         along = np.abs(_dots(normals, axis))
@@ -175,7 +185,7 @@ def _refined(surfaces: Planes, axis: Float64) -> Float64:
 
 
 def _shares(surfaces: Planes, axis: Float64) -> tuple[float, float]:
-    """Return which share of what is flat is level, and which is plumb, within 15 degrees."""
+    """Return the shares of planes, weighted by trust, level and plumb within 15 degrees."""
     along = np.abs(_dots(surfaces.normals, axis))
     level, plumb = _level(along, 15, 15), _plumb(along, 15, 15)
     total = float(surfaces.trust.sum())
@@ -185,8 +195,8 @@ def _shares(surfaces: Planes, axis: Float64) -> tuple[float, float]:
 
 
 def _upwards(surfaces: Planes, axis: Float64, route: Float64 | None) -> tuple[Float64, str]:
-    """Return the axis or its opposite, whichever points up, and what told."""
-    # Where nothing tells, it is the half space of the customary axes.
+    """Return the axis or its opposite, whichever points up, and the reason."""
+    # Without evidence, the side of the customary axes is up.
     axis = axis if (_CUSTOMARY @ axis).sum() >= 0 else -axis
     heights, along = _dots(surfaces.points, axis), np.abs(_dots(surfaces.normals, axis))
     level = surfaces.trust * _level(along, 15, 30)
@@ -212,12 +222,12 @@ def _upwards(surfaces: Planes, axis: Float64, route: Float64 | None) -> tuple[Fl
 
 
 def _dots(vectors: Float64, others: Float64) -> Float64:
-    """Multiply vectors (N, 3) with one (3,) or each of several (M, 3), not by threads of BLAS."""
+    """Return the dot products of vectors (N, 3) with one (3,) or several (M, 3), without BLAS."""
     return np.asarray(np.einsum("ni,...i->n...", vectors, others))
 
 
 def _tail(heights: Float64) -> float:
-    """Return from -1 to 1 how much farther heights reach above their median than below it."""
+    """Return how much farther heights (N,) reach above their median than below it, from -1 to 1."""
     if not len(heights):
         return 0.0
     low, middle, high = np.percentile(heights, [10, 50, 90]).tolist()
@@ -225,17 +235,20 @@ def _tail(heights: Float64) -> float:
 
 
 def _level(along: Float64, full: float, none: float) -> Float64:
-    """Weigh planes by how level they are, their normals being so much along the vertical."""
+    """Return weights of planes by how level they are: 1 up to `full` degrees, 0 from `none` on.
+
+    `along` is the cosine of the angle between the normal and the vertical, 0 to 1.
+    """
     return _ramp(along, math.cos(math.radians(none)), math.cos(math.radians(full)))
 
 
 def _plumb(along: Float64, full: float, none: float) -> Float64:
-    """Weigh planes by how plumb they are."""
+    """Return weights of planes by how plumb they are, as `_level`."""
     return _ramp(-along, -math.sin(math.radians(none)), -math.sin(math.radians(full)))
 
 
 def _ramp(values: Float64, zero: float, one: float) -> Float64:
-    """Rise from 0 to 1 between two values, or step at one."""
+    """Return a linear ramp from 0 at `zero` to 1 at `one`, or a step where these are equal."""
     if zero == one:
         return np.asarray(values >= one, dtype=np.float64)
     return np.asarray(np.clip((values - zero) / (one - zero), 0.0, 1.0))

@@ -1,1 +1,1 @@
-"""Files and messages: what recordings are read from, and what is written."""
+"""Files and messages: read recordings, write maps, meshes and flights."""

@@ -1,4 +1,4 @@
-"""What ROS lays down, for those who read its files and those who write them."""
+"""Constants and types of ROS, for readers and writers of its files."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 NANOSECONDS = 10**9
-"""In a second."""
+"""Nanoseconds in a second."""
 
 METADATA_FILE = "metadata.yaml"
-"""What makes a folder a ROS 2 bag."""
+"""The file that marks a folder as a ROS 2 bag."""
 
 DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""The numbers of datatypes in sensor_msgs/PointField, and what each stands for in numpy."""
+"""The datatype numbers of sensor_msgs/PointField, each with its numpy type."""
 
-# ROS 1 has these in packages that the types of its distribution lack.
+# Types of ROS 1 that rosbags lacks for Noetic.
 _TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 _BESIDE_ROS1 = {"tf2_msgs/msg/TFMessage": _TRANSFORMS, "tf/msg/tfMessage": _TRANSFORMS}
 
 
 def usual_types(*, is_ros1: bool) -> Typestore:
-    """Return the types of the last distribution of ROS 1, or of the latest of ROS 2."""
+    """Return the message types of ROS 1 Noetic, or of the latest distribution of ROS 2."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     if not is_ros1:

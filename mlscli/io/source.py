@@ -1,4 +1,4 @@
-"""What every source of clouds offers."""
+"""The interface of all sources of clouds, and the types that they yield."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from mlscli.runtime.arrays import Array, Float64, Int64
 UNKNOWN_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
 
 KEYFRAME_FIELDS = ("keyframe", "kf", "kf_id")
+"""Names of fields and channels that hold the keyframe of each point, the preferred first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,15 +26,15 @@ class Cloud:
     Attributes
     ----------
     points : float64 (N, 3)
-        Coordinates in the frame of the cloud, finite or not.
+        Coordinates in the frame of the cloud, in the unit of the recording; finite or not.
     stamp : float
         Time in seconds; NaN where not known.
     position : tuple of float
-        Where the craft was, in the same frame; NaN where not known.
+        Position x, y, z of the craft, in the same frame; NaN where not known.
     frame_id : str
         The frame as the recording states it; empty where it states none.
     attitude : tuple of float
-        How the craft or its camera was turned, x, y, z, w, from its axes to that frame; NaN where
+        Quaternion x, y, z, w of the craft or its camera, from its axes to that frame; NaN where
         not known.
     """
 
@@ -45,24 +46,26 @@ class Cloud:
 
     @property
     def has_position(self) -> bool:
-        """Whether it is known where the craft was."""
+        """Whether the position of the craft is known."""
         return all(map(math.isfinite, self.position))
 
 
 class StampedPoses(NamedTuple):
-    """T_parent_child at some times, in the order of the message.
+    """Poses T_parent_child of one pair of frames, in the order of the message.
 
     Attributes
     ----------
     stamps : float64 (N,)
         Seconds.
     translations : float64 (N, 3)
+        x, y, z, in the unit of the recording.
     quaternions : float64 (N, 4)
         x, y, z, w, of length 1.
     parent, child : str
-        Frames, without a leading slash; the child is empty where the message names none.
+        Names of the frames, without a leading slash; `child` is empty where the message names
+        none.
     refused : int
-        Poses that were left out: not finite, or with a quaternion without length.
+        Number of poses left out: not finite, or with a quaternion of length 0.
     """
 
     stamps: Float64
@@ -81,15 +84,15 @@ class Topic:
     ----------
     name, type : str
     count : int or None
-        Messages, as the recording declares them; None where only reading tells.
+        Number of messages that the recording declares; None where not known before reading.
     mappable : bool
         Whether clouds can be read from it.
     why_not : str
-        What stands against it; empty where it can be mapped.
+        Why it cannot be mapped; empty where it can.
     frame : str
         The frame of its first cloud; empty where none is stated or known.
     poses : bool
-        Whether it tells where the craft was.
+        Whether its messages hold poses of the craft.
     """
 
     name: str
@@ -102,19 +105,21 @@ class Topic:
 
 
 Clock = Literal["header", "log"]
-"""Whose times count: those in the headers of messages, or those of their recording."""
+"""Which times are used: those in the headers of messages, or those of their recording."""
 
 
 class Reading(NamedTuple):
-    """What the user says of how sources are to be read.
+    """The user's options for reading a source.
 
     Attributes
     ----------
     topic : str or None
         The topic of the clouds, in formats that have topics.
     columns : str or None
-        What the columns of a text cloud are, such as ``x,y,z,-,keyframe``.
+        Names of the columns of a text cloud, such as ``x,y,z,-,keyframe``; None: as its header
+        says, or by position.
     clock : {"header", "log"}
+        Which times are used, see `Clock`.
     """
 
     topic: str | None = None
@@ -123,7 +128,10 @@ class Reading(NamedTuple):
 
 
 Wanted = Callable[[float], bool]
-"""Asked with the time stamp of each keyframe, in order, before it is decoded."""
+"""Called with the stamp (s) of each keyframe, in order; False skips the keyframe.
+
+It is called before a message is decoded, unless the stamp is known only after that.
+"""
 
 
 def everything(stamp: float) -> bool:  # noqa: ARG001
@@ -144,7 +152,7 @@ class Source(Protocol):
 
     @property
     def label(self) -> str:
-        """What messages to the user call the clouds: the path, and the topic if there is one."""
+        """The name of the clouds in messages to the user: the path, and the topic if any."""
 
     @property
     def frame_id(self) -> str:
@@ -152,7 +160,7 @@ class Source(Protocol):
 
     @property
     def expected_keyframes(self) -> int | None:
-        """How many clouds to expect; None where only reading tells."""
+        """How many clouds to expect; None where not known before reading."""
 
     @property
     def notes(self) -> Sequence[str]:
@@ -163,28 +171,35 @@ class Source(Protocol):
         """What the last pass could not read."""
 
     def topics(self) -> Sequence[Topic]:
-        """Describe the topics; none in formats without topics."""
+        """Return the topics; none in formats without topics."""
 
     def time_span(self) -> tuple[float, float]:
         """Return the first and the last time in seconds; NaN where not known."""
 
     def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
-        """Read the clouds anew, in order, without those whose time stamp is not wanted."""
+        """Read the clouds from the beginning, in order, without those whose stamp is not wanted."""
 
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
-        """Tell where frames are in others, and whether they stay there."""
+        """Read the transforms between frames.
+
+        Yields
+        ------
+        poses : StampedPoses
+        is_static : bool
+            Whether they hold at all times.
+        """
 
     def poses(self, topic: str) -> Iterator[StampedPoses]:
-        """Tell the poses of a topic; none where there is no such topic."""
+        """Read the poses of a topic; none where there is no such topic."""
 
 
 def keyframe_field(names: Container[str]) -> str | None:
-    """Return the name of the field or channel that tells each point's keyframe, if there is one."""
+    """Return the first of `KEYFRAME_FIELDS` that is among the names; None where none is."""
     return next((name for name in KEYFRAME_FIELDS if name in names), None)
 
 
 def side_by_side(columns: Sequence[Array]) -> Float64:
-    """Return columns of one shape, of any numbers, as one float64 array (N, columns)."""
+    """Return arrays of N numbers each, of any dtype, as the columns of one float64 (N, columns)."""
     rows = np.empty((columns[0].size, len(columns)))
     # Signalling NaNs are no reason to warn: points that are not finite are dropped later.
     with np.errstate(invalid="ignore"):
@@ -194,16 +209,17 @@ def side_by_side(columns: Sequence[Array]) -> Float64:
 
 
 def rows_by_first_appearance(labels: Array) -> list[Int64]:
-    """Return the rows of each distinct label, the labels in order of their first appearance.
+    """Return the row indices of each distinct label, in the order in which labels first appear.
 
     Parameters
     ----------
     labels : (N,)
+        Of any dtype that can be sorted.
 
     Returns
     -------
     list of int64 arrays
-        Ascending rows; together they hold each row once.
+        Ascending rows of each label; together they hold each row once.
     """
     _, first, group = np.unique(labels, return_index=True, return_inverse=True)
     place = np.empty(len(first), dtype=np.int64)

@@ -1,1 +1,1 @@
-"""Keyframes, and batches of them: what recordings become, and what the pipeline takes."""
+"""Keyframes, which recordings are read as, and batches of them, which the pipeline takes."""

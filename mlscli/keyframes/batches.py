@@ -1,7 +1,4 @@
-"""The points that keyframes carry through the pipeline, and batches of keyframes.
-
-The pipeline sees points only, each with the number of its keyframe.
-"""
+"""Batches of keyframes, and their points, which are all that the pipeline sees of keyframes."""
 
 from __future__ import annotations
 
@@ -30,22 +27,23 @@ class Points(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many points these are."""
+        """The number of points."""
         return len(self.xyz)
 
     def take(self, which: Bool | Int64 | slice) -> Points:
-        """Return the points that a mask, indices or a slice choose."""
+        """Return the points that a mask, indices or a slice select."""
         return Points(self.xyz[which], self.keyframe[which])
 
 
 class Batch(NamedTuple):
-    """Successive keyframes, gathered until there were points enough.
+    """Successive keyframes.
 
     Attributes
     ----------
     points : Points
+        The points of all keyframes of the batch.
     route : float64 (K, 4)
-        Time, x, y, z of the craft, a row for each keyframe of the batch.
+        Time (s), x, y, z of the craft, a row for each keyframe of the batch; NaN where not known.
     """
 
     points: Points
@@ -53,7 +51,7 @@ class Batch(NamedTuple):
 
 
 def gather(keyframes: Iterable[Keyframe], first: int = 0) -> Batch:
-    """Put keyframes together, numbered from `first` in the order given."""
+    """Return a batch of keyframes, numbered from `first` in the order given."""
     clouds, route = [], []
     for keyframe in keyframes:
         clouds.append(keyframe.points)
@@ -66,10 +64,10 @@ def gather(keyframes: Iterable[Keyframe], first: int = 0) -> Batch:
 
 
 def batches(keyframes: Iterable[Keyframe], min_points: int) -> Iterator[Batch]:
-    """Gather keyframes until a batch has at least `min_points` points.
+    """Yield batches of successive keyframes, each as soon as it has at least `min_points` points.
 
-    The last batch takes what is left, so that no point is lost. (Thesis, section 4.1: the
-    minimum size of published point clouds.)
+    The last batch takes the keyframes that are left, so that no point is lost. (Thesis, section
+    4.1: the minimum size of published point clouds.)
     """
     waiting: list[Keyframe] = []
     size = first = 0

@@ -1,4 +1,4 @@
-"""Keyframes: a recording is a sequence of them, each a cloud, its time, and where the craft was."""
+"""Keyframes: a recording is a sequence of clouds, each with its time and the craft's position."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from mlscli.runtime.arrays import Float64
 
 FARTHEST = 1e8
-"""Beyond this, a coordinate is no measurement."""
+"""The greatest absolute value of a coordinate; a point with a greater one is no measurement."""
 
 UNKNOWN_POSITION = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """A cloud in the map frame, when it was seen and from where.
+    """A cloud in the map frame, with the time and the position from which it was seen.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Keyframe:
     stamp : float
         Time in seconds; NaN where not known.
     position : tuple of float
-        Where the craft was, in the map frame; NaN where not known.
+        x, y, z of the craft in the map frame; NaN where not known.
     """
 
     points: Float64

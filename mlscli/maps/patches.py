@@ -109,7 +109,7 @@ def within_gap(
 ) -> Bool:
     """Tell which intervals in cells are within `gap_size` of one of the others in their cell.
 
-    Of both, the cells are given as `file_order.Columns`.
+    Of both, the cells are given as `mlscli.maps.order.OccupiedCells`.
     """
     near = np.zeros(len(low), dtype=np.bool_)
     there = 0

@@ -1,10 +1,9 @@
 """A mesh of a map: surfaces and walls, or patches as points and lines (thesis, chapter 2).
 
-How patches become triangles is told in the modules `triangulation` and `walls` beside this. The
-thesis lost every patch with fewer than two neighbours; here nothing in the map is invisible. A
-horizontal patch that no triangle holds is drawn as a square half a cell wide. What no wall shows
-of a vertical patch is drawn as two upright quads that cross, with such a square on top where no
-surface meets it.
+The modules `triangulation` and `walls` define how patches become triangles. The thesis lost every
+patch with fewer than two neighbours; here nothing in the map is invisible. A horizontal patch that
+no triangle uses is drawn as a square half a cell wide. The part of a vertical patch that no wall
+shows is drawn as two upright quads that cross, with such a square on top where no surface meets it.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 Style: TypeAlias = Literal["surface", "patches"]
 STYLES: tuple[Style, ...] = get_args(Style)
 
-# What a vertex can be of: a patch, by its origin, or the route.
+# The groups of vertices: one for each origin of patches, and one for the route.
 ROUTE = len(ORIGINS)
 GROUPS = (*ORIGINS, "route")
 
-# Half the usual gap of three cells: what is farther apart may be nearer to another level.
+# Half the default gap of three cells: patches farther apart may be nearer to another level.
 MAX_SLOPE = 1.5
 
 MAX_VERTICES = 2**31 - 1
@@ -64,9 +63,10 @@ class Mesh:
     lines : int32 (L, 2)
         Indices of vertices.
     points : int32 (N,)
-        Indices of vertices that are shown for themselves.
+        Indices of vertices that are drawn as points.
     patch : int32 (V,)
-        The patch, of those that are in the mesh, that a vertex belongs to; -1: it is of the route.
+        Index of the vertex's patch in the map, counted without artificial patches if these were
+        left out; -1: the vertex belongs to the route.
     """
 
     vertices: Float64
@@ -115,26 +115,26 @@ def build_mesh(
 
     Parameters
     ----------
-    surface
-        The map.
-    style
+    surface : SurfaceMap
+    style : {"surface", "patches"}
         ``surface``: surfaces and walls; ``patches``: each patch as a point at its height and
         each depth as a line beneath it (thesis, figure 2.3). In both the route is a line on the
         ground.
-    max_slope
+    max_slope : float
         Patches of neighbouring cells belong together up to this difference in height, in cells.
-    artificial
-        Whether artificial patches are in it.
-    colour
-        What the colours stand for. By height, plastered patches are lighter; by all but region,
-        artificial ones are red.
+    artificial : bool
+        Whether artificial patches are drawn.
+    colour : str
+        What the colours stand for, one of `COLOURS`. With ``height``, plastered patches are
+        lighter; with all but ``region``, artificial ones are red.
 
     Raises
     ------
     UsageError
-        Where style or colouring are unknown, or the slope is not a finite number of 0 or more.
+        Where the style or the colouring is unknown, or the slope is not a finite number of 0 or
+        more.
     InputError
-        Where the mesh has too many vertices, or they lie beyond float64.
+        Where the mesh would have more than `MAX_VERTICES` vertices, or coordinates beyond float64.
     """
     expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
     if style not in STYLES:
@@ -155,15 +155,18 @@ def build_mesh(
 
 
 class _Piece(NamedTuple):
-    """Vertices, each in or about the cell of its patch, and triangles over them.
+    """Vertices, placed relative to the cells of their patches, and triangles over them.
 
     Attributes
     ----------
     patch : int64 (V,)
+        Index of the patch that each vertex belongs to.
     height : float64 (V,)
+        Height of each vertex, in the unit of the recording.
     offset : float64 (V, 2)
-        Cells from the centre of the patch's cell.
+        Distance in x and y from the centre of the patch's cell, in cells.
     triangles : int64 (T, 3)
+        Indices of vertices.
     """
 
     patch: Int64
@@ -173,7 +176,7 @@ class _Piece(NamedTuple):
 
 
 def _drawn(surface: SurfaceMap, nodes: Nodes, reach: float) -> list[_Piece]:
-    """Return the surfaces and walls of a map, and each patch that these do not show by itself."""
+    """Return the surfaces and walls of a map, and squares and quads for what these do not show."""
     flat = surface_triangles(links(surface, nodes, reach), nodes.height, nodes.is_joint)
     nodes, walls, bare = walls_of(surface, nodes, reach)
     on_surface = np.zeros(len(nodes.patch), dtype=np.bool_)
@@ -193,7 +196,7 @@ def _drawn(surface: SurfaceMap, nodes: Nodes, reach: float) -> list[_Piece]:
 
 
 def _nodes(nodes: Nodes, triangles: Int64 | None = None) -> _Piece:
-    """Return the nodes that triangles use, with these; without triangles all nodes."""
+    """Return triangles (T, 3) with the nodes that they use; without triangles, all nodes."""
     if triangles is None:
         used = np.ones(len(nodes.patch), dtype=np.bool_)
         triangles = np.empty((0, 3), dtype=np.int64)
@@ -206,7 +209,7 @@ def _nodes(nodes: Nodes, triangles: Int64 | None = None) -> _Piece:
 
 
 def _quads(patch: Int64, height: Float64, offset: Float64) -> _Piece:
-    """Return a quad of its own for each patch: heights (Q, 4) of its corners, offsets (4, 2)."""
+    """Return a quad for each patch (Q,): heights of corners (Q, 4), offsets of corners (4, 2)."""
     first = 4 * np.arange(len(patch))[:, None, None]
     return _Piece(
         np.repeat(patch, 4),
@@ -223,7 +226,10 @@ def _assemble(
     depths: Int64 | None = None,
     points: Int64 | None = None,
 ) -> Mesh:
-    """Return the mesh of all pieces and the route; depths and points index the first piece."""
+    """Return the mesh of all pieces and the route.
+
+    The lines `depths` (D, 2) and the `points` (N,) are indices of the first piece's vertices.
+    """
     route, legs = route_on_ground(surface)
     sizes = [len(piece.patch) for piece in pieces]
     if sum(sizes) + len(route) > MAX_VERTICES:

@@ -2,10 +2,10 @@
 
 The height scale runs blue, green, yellow, orange, brown at equal steps of perceived difference:
 its anchors are joined by straight lines in the Oklab space, and its entries lie evenly along
-them. Red is kept for what is artificial, and a strong green for the route.
+them. Red is reserved for artificial patches, and a strong green for the route.
 
-What else a patch can be coloured by takes the same scale; patches that nobody measured have none
-of it, and are pale or red. Regions take hues that lie far apart.
+Variance, count and time use the same scale. Inserted patches have no such value: plastered ones are
+pale, artificial ones red. Regions with successive numbers have hues that lie far apart.
 
 References
 ----------
@@ -28,7 +28,7 @@ COLOURS: tuple[ColourBy, ...] = get_args(ColourBy)
 ARTIFICIAL_RED = (224, 16, 32)
 ROUTE_GREEN = (0, 200, 60)
 WHITE = (255, 255, 255)
-# What has no value on a scale.
+# The colour of patches that have no value on the scale, or no region.
 PALE = (214, 214, 208)
 
 ANCHORS = (
@@ -62,7 +62,7 @@ _LAB_FROM_LMS = np.array(
 
 
 def oklab(rgb: UInt8) -> Float64:
-    """Return sRGB colours, uint8 (N, 3), in Oklab, float64 (N, 3): lightness 0 to 1, a, b."""
+    """Convert sRGB colours, uint8 (N, 3), to Oklab, float64 (N, 3): lightness 0 to 1, a, b."""
     encoded = rgb / 255
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     lab: Float64 = np.cbrt(linear @ _LMS_FROM_RGB.T) @ _LAB_FROM_LMS.T
@@ -70,7 +70,7 @@ def oklab(rgb: UInt8) -> Float64:
 
 
 def from_oklab(lab: Float64) -> UInt8:
-    """Return Oklab colours, float64 (N, 3), in sRGB, uint8 (N, 3), clipped to what that holds."""
+    """Convert Oklab colours, float64 (N, 3), to sRGB, uint8 (N, 3), clipped to the sRGB gamut."""
     linear = (lab @ np.linalg.inv(_LAB_FROM_LMS).T) ** 3 @ np.linalg.inv(_LMS_FROM_RGB).T
     linear = np.clip(linear, 0, 1)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
@@ -80,7 +80,7 @@ def from_oklab(lab: Float64) -> UInt8:
 
 @cache
 def height_scale() -> UInt8:
-    """Return the colours of the heights, low to high, uint8 (COLOUR_STEPS, 3)."""
+    """Return the colours of the scale, low to high, uint8 (COLOUR_STEPS, 3)."""
     anchors = oklab(np.array(ANCHORS, dtype=np.uint8))
     lengths = np.linalg.norm(np.diff(anchors, axis=0), axis=1)
     along = np.append(0, np.cumsum(lengths))
@@ -94,8 +94,8 @@ def height_scale() -> UInt8:
 def height_range(surface: SurfaceMap) -> tuple[float, float]:
     """Return the heights that take the lowest and the highest colour.
 
-    They are percentiles of the measured heights, or of all where none is measured; (0, 0) for a
-    map without patches.
+    They are percentiles of the measured heights, or of all heights where none is measured; (0, 0)
+    for a map without patches.
     """
     height = surface.height[surface.origin == MEASURED]
     if len(height) == 0:
@@ -107,9 +107,9 @@ def height_range(surface: SurfaceMap) -> tuple[float, float]:
 
 
 def height_colours(height: Float64, low: float, high: float) -> UInt8:
-    """Return the colours of heights, uint8 (N, 3); heights outside low to high take the ends.
+    """Return the colours of heights (N,), uint8 (N, 3); heights outside low to high take the ends.
 
-    Where `low` and `high` are one, so that there is no scale, heights there take its middle.
+    Where `low` equals `high`, heights equal to them take the middle of the scale.
     """
     position = (height - low) / (high - low) if high > low else (np.sign(height - low) + 1) / 2
     step = np.rint(np.clip(position, 0, 1) * (COLOUR_STEPS - 1)).astype(np.int64)
@@ -118,14 +118,14 @@ def height_colours(height: Float64, low: float, high: float) -> UInt8:
 
 
 def patch_colours(height: Float64, origin: UInt8, low: float, high: float) -> UInt8:
-    """Return what patches look like, uint8 (N, 3): by height, by half lighter, or red.
+    """Return colours by height, uint8 (N, 3): plastered lighter by half, artificial red.
 
     Parameters
     ----------
     height : float64 (N,)
-        Heights of what is coloured.
+        Heights of the patches or vertices to colour.
     origin : uint8 (N,)
-        Origins of the patches that it belongs to.
+        Origin of the patch at each height.
     low, high : float
         The heights of the lowest and the highest colour.
     """
@@ -137,13 +137,14 @@ def patch_colours(height: Float64, origin: UInt8, low: float, high: float) -> UI
 
 
 class Scale(NamedTuple):
-    """What the colours of patches stand for.
+    """The quantity that the colours of patches stand for.
 
     Attributes
     ----------
     label : str
+        What the quantity is called.
     value : float64 (P,)
-        NaN where a patch has none.
+        Its value for each patch; NaN where a patch has none.
     low, high : float
         The values of the lowest and the highest colour.
     """
@@ -155,10 +156,10 @@ class Scale(NamedTuple):
 
 
 def scale_of(surface: SurfaceMap, by: ColourBy) -> Scale | None:
-    """Return the scale of a map's colours; None where these are kinds and no amounts.
+    """Return the scale of a map's colours; None for ``origin`` and ``region``, which have no scale.
 
-    Variances are shown by their square roots, counts by their logarithms, times from the
-    recording's first on; where no time is known, keyframes are counted.
+    Variances are given as their square roots, counts as their logarithms to base 10, times in
+    seconds since the earliest; where no time is known, the numbers of keyframes stand for times.
     """
     if by == "height":
         return Scale("height", surface.height, *height_range(surface))
@@ -173,7 +174,7 @@ def scale_of(surface: SurfaceMap, by: ColourBy) -> Scale | None:
 
 
 def _amounts(surface: SurfaceMap, by: ColourBy) -> tuple[str, Float64]:
-    """Return what measured patches have some amount of, (P,); NaN for the others."""
+    """Return the label and the values, float64 (P,), of a quantity; NaN for inserted patches."""
     if by == "variance":
         return "standard deviation of heights", np.sqrt(surface.variance)
     if by == "count":
@@ -183,7 +184,7 @@ def _amounts(surface: SurfaceMap, by: ColourBy) -> tuple[str, Float64]:
 
 
 def _times(surface: SurfaceMap) -> tuple[str, Float64]:
-    """Return when patches were first measured, (P,)."""
+    """Return the label and the values, float64 (P,), of when patches were first measured."""
     row = surface.first_keyframe
     if len(surface.route) == 0:
         return "keyframe", np.full(surface.size, np.nan)
@@ -197,14 +198,14 @@ def _times(surface: SurfaceMap) -> tuple[str, Float64]:
 
 
 class Paint:
-    """Gives what belongs to patches of a map its colour.
+    """Colours patches and vertices of a map.
 
     Parameters
     ----------
-    surface
-        The map, with all its patches: what is left out of a mesh stays on the scale.
-    by
-        What colours stand for.
+    surface : SurfaceMap
+        The whole map: patches that a mesh leaves out count for the scale as well.
+    by : str
+        What the colours stand for, one of `COLOURS`.
     """
 
     def __init__(self, surface: SurfaceMap, by: ColourBy) -> None:
@@ -212,7 +213,17 @@ class Paint:
         self.scale = scale_of(surface, by)
 
     def __call__(self, surface: SurfaceMap, patch: Int64, height: Float64) -> UInt8:
-        """Return colours, uint8 (N, 3), of what is of these patches, at these heights."""
+        """Return the colours of patches or vertices, uint8 (N, 3).
+
+        Parameters
+        ----------
+        surface : SurfaceMap
+            The map, or a part of it.
+        patch : int64 (N,)
+            The patch in `surface` that each of them is or belongs to.
+        height : float64 (N,)
+            Their heights, which count only where colours stand for heights.
+        """
         origin = surface.origin[patch]
         if self.by == "region":
             return region_colours(surface.region[patch])
@@ -236,7 +247,7 @@ def origin_colours() -> UInt8:
 
 
 def region_colours(region: Int32) -> UInt8:
-    """Return the colours of regions, uint8 (N, 3): neighbours in number far apart in hue."""
+    """Return the colours of regions (N,), uint8 (N, 3): successive numbers far apart in hue."""
     hue = region * (np.pi * (3 - np.sqrt(5)))
     lightness = np.where(region % 2 == 0, 0.78, 0.6)
     colours = from_oklab(np.column_stack((lightness, 0.11 * np.cos(hue), 0.11 * np.sin(hue))))

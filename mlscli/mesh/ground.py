@@ -12,10 +12,10 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Float64, Int32, Int64
 from mlscli.runtime.kernels import kernel
 
-# Where nothing was mapped beneath the craft itself, the ground is sought this many cells around.
+# Where the craft's own cell has no ground beneath it, ground is sought this many cells around.
 SEARCH_CELLS = 3
 
-# A leg is led over the ground cell by cell; where the whole route takes more steps than this,
+# A leg follows the ground cell by cell; where the whole route would take more steps than this,
 # the steps are longer.
 MAX_STEPS = 2_000_000
 
@@ -26,8 +26,9 @@ class GroundLine(NamedTuple):
     Attributes
     ----------
     vertices : float64 (R, 3)
+        Coordinates in the map frame.
     legs : int64 (L, 2)
-        The vertices that each piece runs between.
+        Indices of the two vertices that each piece of the line runs between.
     """
 
     vertices: Float64
@@ -37,11 +38,11 @@ class GroundLine(NamedTuple):
 def route_on_ground(surface: SurfaceMap) -> GroundLine:
     """Return the route as it runs on the ground.
 
-    The craft flies straight from each known position to the next. At both, and once per cell
-    between, the track lies on the highest patch at or below the craft in its cell, or else in
-    the nearest ring of cells around that has one, up to three cells away. Where there is none,
-    the track is interrupted: nobody knows the ground there. A route without any ground beneath it,
-    as in a room of whose floor nothing was seen, is given as it was flown.
+    The craft is taken to fly straight from each known position to the next. At both, and once per
+    cell between, the line lies on the highest patch at or below the craft in its cell, or else in
+    the nearest ring of cells around that has one, up to `SEARCH_CELLS` away. Where there is none,
+    the line is interrupted. A route without any ground beneath it, as in a room whose floor was not
+    seen, is returned as it was flown.
     """
     position = surface.route[:, 1:]
     position = position[np.isfinite(position).all(axis=1)]
@@ -61,7 +62,7 @@ def route_on_ground(surface: SurfaceMap) -> GroundLine:
 
 
 def _steps(position: Float64, cell_size: float) -> Float64:
-    """Return the positions, and others between them at most a cell apart."""
+    """Return positions (N, 3) with others inserted, at most a cell apart up to `MAX_STEPS`."""
     if len(position) < 2:
         return position
     leg = np.diff(position, axis=0)
@@ -78,7 +79,21 @@ def _steps(position: Float64, cell_size: float) -> Float64:
 def _ground_below(
     craft_cell: Int64, craft_z: Float64, ix: Int32, iy: Int32, start: Int64, height: Float64
 ) -> Float64:
-    """Return the height of the ground beneath each position; NaN where there is none."""
+    """Return the height of the ground beneath each position, float64 (K,); NaN: there is none.
+
+    Parameters
+    ----------
+    craft_cell : int64 (K, 2)
+        Indices (ix, iy) of the cell at each position of the craft.
+    craft_z : float64 (K,)
+        Height of the craft at each position.
+    ix, iy : int32 (C,)
+        The map's occupied cells, ascending.
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    height : float64 (P,)
+        Heights of the patches.
+    """
     ground = np.full(len(craft_z), np.nan)
     for k in range(len(craft_z)):
         x, y = craft_cell[k]

@@ -1,11 +1,11 @@
-"""Which way the triangles of walls look: outward, where that can be told.
+"""The orientation of wall triangles: outward, where floors and roofs show which side that is.
 
-Surfaces look up. A wall that shares an edge with one is turned so that both run through it in
-opposite directions: it looks over the floor at its foot and away from the roof at its top. Its
-triangles that share an edge with each other are turned alike, so that a wall looks to one side
-all along, the side on which more edges agree. Where floors and roofs do not tell (a wall that
-stands free), it is still one side; where three walls meet, each is its own. Walls that come back to
-themselves turned over, as a Moebius strip, look to one side but for one edge of the way round.
+Surfaces face up. A wall triangle that shares an edge with a surface triangle should run through the
+edge in the opposite direction: it then faces the floor at its foot, and away from the roof at its
+top. Wall triangles that share an edge which no third one has are turned alike, so that a wall faces
+one side all along: the side on which most of its edges with surfaces agree. A free-standing wall
+also faces one side all along, but either one. Where three walls meet, each is turned by itself. A
+wall that returns to itself turned over, like a Moebius strip, faces one side except at one edge.
 """
 
 from __future__ import annotations
@@ -19,7 +19,18 @@ from mlscli.runtime.kernels import inner, kernel
 
 
 class _Edges(NamedTuple):
-    """The three edges of each triangle (3 T,): which it is, and whether its ends ascend."""
+    """The three edges of each of T triangles.
+
+    Attributes
+    ----------
+    key : int64 (3 T,)
+        A number that is the same for all triangles at an edge: its lower node times the number of
+        nodes, plus its higher node.
+    triangle : int64 (3 T,)
+        Index of the triangle.
+    ascends : bool (3 T,)
+        Whether the triangle runs from the lower node to the higher one.
+    """
 
     key: Int64
     triangle: Int64
@@ -27,12 +38,14 @@ class _Edges(NamedTuple):
 
 
 def oriented(walls: Int64, surfaces: Int64) -> Int64:
-    """Return the triangles of walls, turned to look outward.
+    """Return the triangles of walls, int64 (T, 3), turned to face outward.
 
     Parameters
     ----------
-    walls, surfaces : int64 (T, 3)
-        Node numbers of triangles; those of surfaces run counter-clockwise seen from above.
+    walls : int64 (T, 3)
+        Node numbers of the triangles of walls.
+    surfaces : int64 (S, 3)
+        Node numbers of the triangles of surfaces, counter-clockwise seen from above.
     """
     if len(walls) == 0:
         return walls
@@ -53,9 +66,14 @@ def _edges(triangles: Int64, size: int) -> _Edges:
 
 
 def _shared_by_two(edges: _Edges) -> tuple[Int64, Int64, Bool]:
-    """Return the pairs of triangles that alone share an edge.
+    """Return the pairs of triangles that share an edge which no third triangle has.
 
-    And whether they run through it in opposite directions.
+    Returns
+    -------
+    one, other : int64 (E,)
+        Indices of the triangles.
+    differ : bool (E,)
+        Whether the two run through the edge in opposite directions.
     """
     order = np.argsort(edges.key, kind="stable")
     key = edges.key[order]
@@ -68,9 +86,11 @@ def _shared_by_two(edges: _Edges) -> tuple[Int64, Int64, Bool]:
 
 @kernel
 def _joined(one: Int64, other: Int64, differ: Bool, size: int) -> tuple[Int64, Bool]:
-    """Return for each triangle one of those it belongs to, and whether it is turned against that.
+    """Return for each triangle a representative of its wall, and whether to turn it against that.
 
-    Pairs are joined one by one: of a way round that contradicts itself the last is left out.
+    Pairs are joined one by one (union-find); a pair of triangles that are already joined is
+    skipped, even where it contradicts the others. Arguments are as `_shared_by_two` returns them,
+    and the number of triangles.
     """
     parent, over = np.arange(size), np.zeros(size, dtype=np.bool_)
     for pair in range(len(one)):
@@ -87,7 +107,7 @@ def _joined(one: Int64, other: Int64, differ: Bool, size: int) -> tuple[Int64, B
 
 @inner
 def _root(parent: Int64, over: Bool, triangle: int) -> int:
-    """Return the root of a triangle, of which it and all on the way there become children."""
+    """Return the root of a triangle; the triangle and all above it become children of the root."""
     root, turned = triangle, False
     while parent[root] != root:
         turned ^= over[root]
@@ -100,7 +120,10 @@ def _root(parent: Int64, over: Bool, triangle: int) -> int:
 
 
 def _votes(walls: _Edges, surfaces: _Edges, size: int) -> Int64:
-    """Return for each wall triangle by how many edges more surfaces agree with it than not."""
+    """Return for each wall triangle how many edges of surfaces agree with it, minus the others.
+
+    An edge of a surface agrees where the two triangles run through it in opposite directions.
+    """
     keys, which = np.unique(walls.key, return_inverse=True)
     place = np.minimum(np.searchsorted(keys, surfaces.key), len(keys) - 1)
     met = keys[place] == surfaces.key

@@ -1,23 +1,24 @@
 """Which patches of neighbouring cells make one surface, and its triangles.
 
-A horizontal patch is one *node*, at the centre of its cell and at its height; a vertical patch is
-two, its top and its foot, and one more where a horizontal patch of the eight cells around meets it
-between these, more than `reach` from both: a *joint*, at the mean height of what meets there (of
-heights no more than `reach` apart). A foot is a joint as well.
+A horizontal patch has one *node*, at the centre of its cell and at its height. A vertical patch has
+two, its top and its foot, and further ones where horizontal patches of the eight cells around meet
+it between these, more than `reach` from both. Heights of such patches that follow each other at no
+more than `reach` share a node, at their mean. These nodes and the foot are *joints*.
 
 Two nodes in cells that share an edge are *linked* where each is the other's nearest in height
-(equal: the higher) and they are at most `reach` apart in height. So a node has at most one link to
+(equal: the higher) and they are at most `reach` apart in height. So a node has at most one link on
 each side, and the links between two cells never cross.
 
 In a block of 2 x 2 cells the links form rings and open chains. A ring of four nodes makes two
 triangles, cut along the diagonal that is less steep. An open chain makes a triangle of its first
-three nodes and, where it winds on as on a spiral ramp, another of each next two: these share a
-corner and cover the other half of the block. (Of a chain with an even number of nodes one end is
-left out: that of the steeper triangle, or else the lower.) All corners of a triangle are thus
-linked in a row. A ring or chain of joints alone is not drawn: the inside of a wall has no floor.
+three nodes. Where it is longer, as on a spiral ramp, its last node and the next two make another
+triangle, which covers the other half of the block, and so on. (In a chain with an even number of
+nodes one end is left out: that of the steeper triangle; equal: the lower end.) The corners of a
+triangle are thus linked in a row. A ring or chain of joints alone is not drawn: the inside of a
+wall has no floor.
 
-A step that is higher than `reach`, with no wall measured between its levels, stays open: there is
-nothing on the map that could tell a wall from an overhang.
+A step that is higher than `reach`, with no wall measured between its levels, stays open: nothing in
+the map distinguishes a wall from an overhang there.
 """
 
 from __future__ import annotations
@@ -37,21 +38,22 @@ EDGES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 class Nodes(NamedTuple):
-    """The tops and joints of all patches, sorted by cell and height.
+    """The nodes of all patches: tops and joints, sorted by cell and height.
 
     Attributes
     ----------
     patch : int64 (N,)
         The patch that a node belongs to.
     height : float64 (N,)
+        Height of a node, in the unit of the recording.
     is_joint : bool (N,)
-        Whether the node only joins a vertical patch to what it meets: its foot, or between.
+        Whether the node only joins a vertical patch to others: its foot, or between its ends.
     start : int64 (C + 1,)
         The nodes of cell c are ``start[c]`` to ``start[c + 1]``.
     top : int64 (P,)
         The node at each patch's height.
     foot : int64 (P,)
-        The node at each patch's lower end; -1 where it is horizontal.
+        The node at each patch's lower end; -1 where the patch is horizontal.
     """
 
     patch: Int64
@@ -66,6 +68,13 @@ def nodes_of(surface: SurfaceMap, reach: float) -> Nodes:
     """Return the nodes of a map's patches.
 
     A depth too small to show in float64 at the patch's height makes no foot.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    reach : float
+        Greatest difference in height of patches that belong together, in the unit of the recording;
+        infinite: there are no joints but feet.
     """
     low, high = surface.low_end + 0.0, surface.height + 0.0
     is_upright = low < high
@@ -94,7 +103,7 @@ def nodes_of(surface: SurfaceMap, reach: float) -> Nodes:
 
 
 def _around(surface: SurfaceMap) -> Int64:
-    """Return for each cell the eight around it, int64 (C, 8); -1: there is nothing."""
+    """Return for each cell the numbers of the eight around it, int64 (C, 8); -1: not occupied."""
     ix, iy, _ = surface.cells
     steps = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
     return np.stack([shifted(ix, iy, *step) for step in steps], axis=1)
@@ -104,7 +113,28 @@ def _around(surface: SurfaceMap) -> Int64:
 def _joints(
     low: Float64, high: Float64, is_upright: Bool, start: Int64, around: Int64, reach: float
 ) -> tuple[Int64, Float64]:
-    """Return the vertical patches that floors meet between their ends, and at which heights."""
+    """Return the joints between the ends of vertical patches.
+
+    Parameters
+    ----------
+    low, high : float64 (P,)
+        Lower and upper ends of the patches.
+    is_upright : bool (P,)
+        Whether a patch is vertical.
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    around : int64 (C, 8)
+        The cells around each cell; -1: not occupied.
+    reach : float
+        Greatest difference in height of patches that belong together.
+
+    Returns
+    -------
+    patches : int64 (J,)
+        The patch of each joint.
+    heights : float64 (J,)
+        Its height, ascending in each patch.
+    """
     patches, heights = [np.int64(0) for _ in range(0)], [0.0 for _ in range(0)]
     for cell in range(len(around)):
         for patch in range(start[cell], start[cell + 1]):
@@ -133,6 +163,14 @@ def _joints(
 def links(surface: SurfaceMap, nodes: Nodes, reach: float) -> Int64:
     """Return for each node the one it is linked with to the east, north, west and south.
 
+    Parameters
+    ----------
+    surface : SurfaceMap
+    nodes : Nodes
+        As `nodes_of` returns them for this map.
+    reach : float
+        Greatest difference in height of linked nodes, in the unit of the recording.
+
     Returns
     -------
     int64 (N, 4)
@@ -147,7 +185,10 @@ def links(surface: SurfaceMap, nodes: Nodes, reach: float) -> Int64:
 
 @kernel
 def _nearest(start: Int64, height: Float64, neighbour: Int64) -> Int64:
-    """Return for each node the one of the neighbouring cell nearest in height; -1: none."""
+    """Return for each node the nearest in height of the neighbouring cell, int64 (N,); -1: none.
+
+    `neighbour` (C,) is the number of that cell, for each cell; -1: not occupied.
+    """
     nearest = np.full(len(height), NONE, dtype=np.int64)
     for cell in range(len(neighbour)):
         there = neighbour[cell]
@@ -167,7 +208,7 @@ def _nearest(start: Int64, height: Float64, neighbour: Int64) -> Int64:
 
 @kernel
 def _mutual(nearest: Int64, height: Float64, reach: float) -> Int64:
-    """Return the links among nearest nodes: each other's nearest, at most `reach` apart."""
+    """Return the links, int64 (N, 4), of nodes that are each other's nearest, within `reach`."""
     link = np.full(nearest.shape, NONE, dtype=np.int64)
     for node in range(len(height)):
         for side in range(4):
@@ -190,19 +231,21 @@ def surface_triangles(link: Int64, height: Float64, is_joint: Bool) -> Int64:
     link : int64 (N, 4)
         As `links` returns it.
     height : float64 (N,)
+        As in `Nodes`.
     is_joint : bool (N,)
+        As in `Nodes`.
 
     Returns
     -------
     int64 (T, 3)
         Node numbers.
     """
-    # A node stands in four blocks, and a ring or chain has less than one triangle for every two.
+    # A node lies in four blocks, and a ring or chain has at most one triangle for every two nodes.
     triangles = np.empty((2 * len(link), 3), dtype=np.int64)
     found = 0
     for node in range(len(link)):
-        # At the block's corner k, counter-clockwise from the south-west, side k leads on round
-        # the block and side k + 1 back.
+        # At corner k of a block (counter-clockwise from the south-west), the link on side k leads
+        # on round the block, and the link on side k + 1 leads back.
         for corner in range(4):
             if link[node, (corner + 1) % 4] < 0:
                 found = _add_chain(triangles, found, node, corner, link, height, is_joint)
@@ -214,7 +257,24 @@ def surface_triangles(link: Int64, height: Float64, is_joint: Bool) -> Int64:
 def _add_ring(
     triangles: Int64, found: int, a: int, link: Int64, height: Float64, is_joint: Bool
 ) -> int:
-    """Add the ring of four whose south-western node is `a`, if there is one."""
+    """Add the triangles of the ring of four whose south-western node is `a`, if there is one.
+
+    Parameters
+    ----------
+    triangles : int64 (2 N, 3)
+        The triangles so far, and room for more.
+    found : int
+        How many triangles there are so far.
+    a : int
+        A node.
+    link, height, is_joint
+        As in `surface_triangles`.
+
+    Returns
+    -------
+    int
+        How many triangles there are now.
+    """
     b = link[a, EAST]
     c = link[b, NORTH] if b >= 0 else NONE
     d = link[c, WEST] if c >= 0 else NONE
@@ -239,7 +299,26 @@ def _add_chain(
     height: Float64,
     is_joint: Bool,
 ) -> int:
-    """Add the open chain that begins at a node in the given corner of a block."""
+    """Add the triangles of the open chain that begins at a node in the given corner of a block.
+
+    Parameters
+    ----------
+    triangles : int64 (2 N, 3)
+        The triangles so far, and room for more.
+    found : int
+        How many triangles there are so far.
+    first : int
+        The node at which the chain begins.
+    corner : int
+        The corner of the block in which `first` lies, 0 to 3 counter-clockwise from the south-west.
+    link, height, is_joint
+        As in `surface_triangles`.
+
+    Returns
+    -------
+    int
+        How many triangles there are now.
+    """
     size, last, solid = 1, first, not is_joint[first]
     while link[last, (corner + size - 1) % 4] >= 0:
         last = link[last, (corner + size - 1) % 4]

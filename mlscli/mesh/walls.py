@@ -1,15 +1,16 @@
 """Which vertical patches of neighbouring cells make one wall, and its triangles.
 
-Two vertical patches are *joined* where they are at most `reach` apart, in cells that share an
-edge, or that share a corner while no third patch joined with both leads round it. Between them
-stands a quad from the lower ends to the upper ends. Where one is joined with several of a cell,
-each gets the stretch of it that it faces: the space beside a window stays open. Ends more than
-`reach` apart are a step: the longer patch is cut there at the height where the other one ends.
+Two vertical patches are *joined* where they are at most `reach` apart and their cells share an
+edge. They are also joined where their cells share only a corner, unless a patch in a cell between
+them is within `reach` of both. Between joined patches stands a quad, from the lower ends to the
+upper ends. Where a patch is joined with several of one cell, each gets the stretch that it faces:
+a window between them stays open. Ends more than `reach` apart are a step: the longer patch is cut
+at the height where the other one ends.
 
-Vertices lie on the upright line through the cell's centre: the ends of patches, the joints where
+Vertices lie on the vertical line through the cell's centre: the ends of patches, the joints where
 floors meet them, and the cuts. Every triangle along a line runs from one vertex to the next, so
-that walls on all sides of it, and floors, share edges. A stretch of a line that no quad has is
-told, to be drawn by itself.
+that walls on all sides of it, and floors, share edges. Stretches of lines that no quad covers are
+returned as well, to be drawn by themselves.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from mlscli.runtime.kernels import inner, kernel
 ACROSS_EDGES = ((1, 0), (0, 1))
 ACROSS_CORNERS = ((1, 1), (1, -1))
 
-# A cut so near (cells) to another vertex of its line is that vertex: heights that are one but for
-# rounding make no triangle.
+# A cut this near (in cells) to another vertex of its line is replaced by it: heights that differ
+# only by rounding make no triangle.
 SNAP = 1e-6
 
 
@@ -38,11 +39,11 @@ class WallTriangles(NamedTuple):
     Attributes
     ----------
     nodes : Nodes
-        As given, and the cuts after these, in no cell's range.
+        The nodes given, followed by the cuts, which lie outside the ranges of `start`.
     triangles : int64 (T, 3)
-        Node numbers: two on the line of one patch, the third on another's.
+        Node numbers: two on the line of one patch, the third on the line of another.
     bare : int64 (B, 2)
-        Lower and upper node of the stretches of lines that no triangle has.
+        Lower and upper node of the stretches of lines that no triangle covers.
     """
 
     nodes: Nodes
@@ -51,7 +52,15 @@ class WallTriangles(NamedTuple):
 
 
 class _Uprights(NamedTuple):
-    """The vertical patches, in the file's order: those of cell c, and their ends."""
+    """The vertical patches, in the file's order.
+
+    Attributes
+    ----------
+    start : int64 (C + 1,)
+        The vertical patches of cell c are ``start[c]`` to ``start[c + 1]``.
+    low, high : float64 (V,)
+        Their lower and upper ends, in the unit of the recording.
+    """
 
     start: Int64
     low: Float64
@@ -59,7 +68,17 @@ class _Uprights(NamedTuple):
 
 
 class _NodesByPatch(NamedTuple):
-    """The nodes on the line of each vertical patch, ascending, and where each line begins."""
+    """The nodes on the line of each vertical patch.
+
+    Attributes
+    ----------
+    start : int64 (V + 1,)
+        The nodes on the line of vertical patch v are ``start[v]`` to ``start[v + 1]``.
+    node : int64 (M,)
+        Node numbers.
+    height : float64 (M,)
+        Heights of the nodes, ascending on each line.
+    """
 
     start: Int64
     node: Int64
@@ -71,12 +90,12 @@ def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> WallTriangles:
 
     Parameters
     ----------
-    surface
-        The map.
-    nodes
-        Its nodes, as `nodes_of` returns them.
+    surface : SurfaceMap
+    nodes : Nodes
+        The map's nodes, as `nodes_of` returns them.
     reach : float
-        Greatest distance of patches, and of their ends, that are joined.
+        Greatest distance of patches, and of their ends, that are joined, in the unit of the
+        recording.
     """
     ix, iy, start = surface.cells
     patch = np.flatnonzero(nodes.foot != NONE)
@@ -103,13 +122,27 @@ def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> WallTriangles:
 def _joined(
     uprights: _Uprights, beyond: Int64, round_corner: Int64, reach: float
 ) -> tuple[Int64, Float64]:
-    """Return the pairs of patches joined between each cell and the one `beyond` it.
+    """Return the pairs of vertical patches joined between each cell and the one beyond it.
 
-    `round_corner` are the two cells between, where the cells share a corner alone. Of each pair,
-    also the part of both that faces the other: lower and upper end of one, and of the other.
+    Parameters
+    ----------
+    uprights : _Uprights
+    beyond : int64 (C,)
+        The other cell, for each cell; -1: not occupied.
+    round_corner : int64 (C, 2)
+        The two cells between, where these cells share only a corner; -1: none.
+    reach : float
+        Greatest distance of joined patches.
+
+    Returns
+    -------
+    pairs : int64 (J, 2)
+        Numbers of vertical patches.
+    ends : float64 (J, 4)
+        The part of each that faces the other: lower and upper end of the first, then of the second.
     """
     size = len(uprights.low)
-    # The lowest and the highest patch that each is joined with, on the two sides in turn.
+    # The lowest and the highest patch that each is joined with: row 0 beyond it, row 1 before it.
     lowest, highest = np.full((2, size), NONE), np.full((2, size), NONE)
     pairs = [(np.int64(0), np.int64(0)) for _ in range(0)]
     for cell in range(len(beyond)):
@@ -157,7 +190,7 @@ def _joined(
 def _leads_round(
     uprights: _Uprights, one: int, other: int, round_corner: Int64, reach: float
 ) -> bool:
-    """Tell whether a patch beside two that share a corner alone is joined with both."""
+    """Return whether a patch in one of the cells between two patches is joined with both."""
     for cell in round_corner:
         if cell >= 0:
             for between in range(uprights.start[cell], uprights.start[cell + 1]):
@@ -181,7 +214,7 @@ def _space(uprights: _Uprights, one: int, other: int) -> float:
 def _lines(
     nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64, snap: float
 ) -> tuple[Nodes, _NodesByPatch]:
-    """Return the nodes with the cuts that the ends of pairs make, and the lines of all patches."""
+    """Return the nodes, with the cuts that `ends` make, and the lines of all vertical patches."""
     upright = np.full(len(nodes.top), NONE)
     upright[patch] = np.arange(len(patch))
     own = np.flatnonzero(upright[nodes.patch] != NONE)
@@ -204,7 +237,10 @@ def _lines(
 
 @kernel
 def _kept(line: Int64, height: Float64, node: Int64, snap: float) -> Bool:
-    """Tell which vertices stay, given ascending on each line: all nodes, and cuts beside none."""
+    """Return which vertices stay: all nodes, and cuts more than `snap` from the others that stay.
+
+    Vertices ascend by line, then by height; `node` is `NONE` for a cut.
+    """
     kept = np.ones(len(line), dtype=np.bool_)
     last = 0
     for k in range(1, len(line)):
@@ -212,7 +248,7 @@ def _kept(line: Int64, height: Float64, node: Int64, snap: float) -> Bool:
             if node[k] == NONE:
                 kept[k] = False
                 continue
-            # What was there before stays in the place of a cut.
+            # A node replaces a cut just below it.
             kept[last] = node[last] != NONE
         last = k
     return kept
@@ -220,9 +256,16 @@ def _kept(line: Int64, height: Float64, node: Int64, snap: float) -> Bool:
 
 @kernel
 def _climb(lines: _NodesByPatch, pairs: Int64, ends: Float64) -> tuple[Int64, Bool]:
-    """Return the triangles between the facing parts of pairs, and which stretches they have.
+    """Return the triangles between the facing parts of pairs, and which stretches they cover.
 
-    From the lower ends upward, the side whose next vertex is lower goes first (equal: either).
+    From the lower ends upward, the line whose next vertex is lower goes first (equal: the first).
+
+    Returns
+    -------
+    triangles : int64 (T, 3)
+        Node numbers.
+    covered : bool (M,)
+        Whether the stretch from a vertex to the next one of its line is covered.
     """
     triangles = [(np.int64(0), np.int64(0), np.int64(0)) for _ in range(0)]
     covered = np.zeros(len(lines.node), dtype=np.bool_)
@@ -257,7 +300,7 @@ def _at(lines: _NodesByPatch, line: int, height: float) -> int:
 
 
 def _bare(lines: _NodesByPatch, covered: Bool) -> Int64:
-    """Return the lower and upper node of what is not covered of each line, in one piece each."""
+    """Return the lower and upper node of each uncovered stretch of the lines, int64 (B, 2)."""
     is_last = np.zeros(len(lines.node) + 1, dtype=np.bool_)
     is_last[lines.start[1:] - 1] = True
     open_ = np.concatenate(([False], ~covered & ~is_last[:-1], [False]))

@@ -1,4 +1,4 @@
-"""What a parameter takes: its kinds of value and its range, from the dataclass's own fields."""
+"""The types, range and meaning of parameters, declared by the fields of dataclasses."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from mlscli.errors import shorten
 from mlscli.parameters.lengths import Cells
 
-# Beyond it, a float64 and a reader of JSON no longer tell whole numbers apart.
+# Beyond this, whole numbers are not exact in float64, nor in JSON as many programs read it.
 MAX_INTEGER = 2**53
 _CELLS = re.compile(r"([-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?)\s+cells?")
 _FIELDS: dict[type, dict[str, ParameterField]] = {}
 
 
-# Stands for a value at fault. It compares with nothing, so that no conclusion is drawn from it.
+# Stands for an invalid value. Ordering comparisons with it fail, so that nothing is concluded.
 UNKNOWN: Any = object()
 
 
@@ -35,17 +35,17 @@ def parameter(
 
     Parameters
     ----------
-    default
+    default : object
         The value where none is given.
-    help
-        What it does, in one line, with its unit.
-    low, high
-        The least and the greatest value allowed, inclusive (of a length: its number).
-    above
+    help : str
+        What the parameter does, in one line, with its unit.
+    low, high : float, optional
+        The least and the greatest value allowed, inclusive; of a length in cells, its number.
+    above : float, optional
         A bound that the value must exceed.
-    default_from
-        The parameter that a configuration takes the value from where none is given, such as
-        ``vehicle.width``.
+    default_from : str, optional
+        Another parameter, such as ``vehicle.width``, whose value a configuration takes where none
+        is given.
     """
     metadata = {
         "help": help,
@@ -63,18 +63,20 @@ class ParameterField:
 
     Attributes
     ----------
-    name, help
-        What it is called and what it does.
+    name, help : str
+        The name of the parameter, and what it does.
     kinds : frozenset of type
-        The types of value allowed, of bool, int, float, Cells and NoneType.
+        The types of value allowed, among bool, int, float, Cells and NoneType.
     words : tuple of str
         The words allowed.
     default : object
         The value where none is given.
     default_from : str or None
-        The parameter that the value is taken from instead.
-    low, high, above : float or None
-        The range.
+        The parameter whose value a configuration takes instead of `default`.
+    low, high : float or None
+        The least and the greatest value allowed, inclusive.
+    above : float or None
+        A bound that the value must exceed.
     """
 
     name: str
@@ -89,7 +91,7 @@ class ParameterField:
 
     @property
     def accepts(self) -> str:
-        """What would be right, in words."""
+        """The values allowed, in words."""
         limits = []
         if self.above is not None:
             limits.append(f"above {self.above:g}")
@@ -111,12 +113,13 @@ class ParameterField:
         return " or ".join(kinds).removesuffix(",")
 
     def convert(self, value: object) -> Any:
-        """Return what a value from YAML means here.
+        """Convert a value from YAML to a value of the parameter.
 
         Raises
         ------
         ValueError
-            Where it is of the wrong kind or out of range; says what was found and is right.
+            Where the value is of a wrong type or out of range; says what was found and what is
+            allowed.
         """
         if isinstance(value, str) and Cells in self.kinds:
             match = _CELLS.fullmatch(value.strip())
@@ -129,14 +132,14 @@ class ParameterField:
         return value
 
     def check(self, value: object) -> None:
-        """Refuse a value of the wrong kind or out of range, as `convert` does."""
+        """Raise ValueError where a value is of a wrong type or out of range, as `convert` does."""
         if not self.allows(value):
             length = isinstance(value, Cells) or (type(value) is float and float in self.kinds)
             found = write_value(value) if length else describe_value(value)
             raise ValueError(f"found {found}; expected {self.accepts}")
 
     def allows(self, value: object) -> bool:
-        """Tell whether a value is of a kind allowed, and in range."""
+        """Return whether a value is of an allowed type and in range."""
         if value is None or isinstance(value, bool):
             return type(value) in self.kinds
         if isinstance(value, str):
@@ -196,7 +199,7 @@ def _field(name: str, default: Any, hint: Any, metadata: Any) -> ParameterField:
 
 
 def write_value(value: object) -> str:
-    """Write a value as YAML that reads back as the same value."""
+    """Return a value as YAML that reads back as the same value."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -224,7 +227,7 @@ def _number(value: Real | float) -> str:
 
 
 def describe_value(value: object) -> str:
-    """Say in a few words what a single value is, in one line however long it is."""
+    """Return a description of a single value, in one short line however long the value is."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):

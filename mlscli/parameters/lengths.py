@@ -1,7 +1,6 @@
 """Lengths: numbers in the unit of the recording, or numbers of cells.
 
-A length is a number in the unit of the recording, or a number of cells: a monocular map has no
-scale, so that only the size of a cell says what is near.
+A monocular map has no scale of its own: lengths there are best given in cells.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ def in_units(length: Length, cell_size: float) -> float:
 
 
 def whole_cells(length: Length, cell_size: float) -> int:
-    """Return how many whole cells a length spans, forgiving a last digit."""
+    """Return how many whole cells a length spans: ``floor(cells + 1e-9)``, at most `WIDEST`."""
     cells = length.count if isinstance(length, Cells) else length / cell_size
     return math.floor(min(cells + 1e-9, WIDEST))
 
 
 def comparable(*lengths: Length) -> bool:
-    """Tell whether lengths can be compared without knowing the size of a cell."""
+    """Return whether lengths can be compared without knowing the size of a cell."""
     return len({isinstance(length, Cells) for length in lengths}) <= 1

@@ -1,8 +1,8 @@
-"""Points that a stage has filtered, and filters again where others come.
+"""Points that a stage has filtered, and filters again where others come or go.
 
-A point is looked at again only where a point that came or went lies no farther than the stage
-looked when it last gave it a height: beyond that, nothing can change. Of several in one cell the
-rectangle around them counts.
+A point is filtered again only if a point that came or went lies no farther away than the stage
+looked when it filtered the point last: others cannot change its outcome. Points that came or went
+in one cell are taken for the rectangle around them.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from mlscli.pipeline.stages.stage import PointStage
 from mlscli.runtime.arrays import Bool, Float64, Int32, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
-# The words of a row: the packed cell, the point as the stage reads it, the height that it gives it
-# (NaN: it drops it), and the square of how far it looked (in x and y; inf: it has not yet looked).
+# The words of a row: the packed cell; the point as the stage reads it; the height that the stage
+# gives it (NaN: dropped); the square of how far the stage looked (inf: not yet filtered).
 _CELL, _X, _Y, _Z, _KEYFRAME, _HEIGHT, _LOOKED = range(7)
 _WORDS = 7
 
@@ -33,9 +33,9 @@ class Outcome(NamedTuple):
     Attributes
     ----------
     cells : CellSet
-        All in which the outcome is another than before.
-    rows : uint64 (N, words)
-        All points in these cells.
+        All cells in which the outcome differs from before.
+    rows : uint64 (N, _WORDS)
+        All points in these cells, ascending by cell.
     """
 
     cells: CellSet
@@ -56,7 +56,7 @@ class FilteredPoints:
         self._tiles = TiledRows(_WORDS)
 
     def add(self, pipeline: Pipeline, points: Points) -> Outcome:
-        """Take points to those that there are."""
+        """Add points, and return the outcome where it changes."""
         new = _rows_of(points, pipeline.cell_size)
         cells = CellSet.of_keys(new[:, _CELL])
         rows = merged(self._tiles.extract(cells), new)
@@ -64,7 +64,20 @@ class FilteredPoints:
         return self._filtered(pipeline, Outcome(cells, rows), new)
 
     def replace(self, pipeline: Pipeline, given: Outcome) -> tuple[Outcome, int]:
-        """Take what has become of the points that this stage reads, and how many more they are."""
+        """Replace the points in some cells, and return the outcome where it changes.
+
+        Parameters
+        ----------
+        pipeline : Pipeline
+        given : Outcome
+            What the stage before has made of points: the input of this stage in these cells.
+
+        Returns
+        -------
+        outcome : Outcome
+        more : int
+            How many more points this stage reads than before.
+        """
         before, rows = self._tiles.extract(given.cells), _passed_on(given.rows)
         self._tiles.put(given.cells, rows)
         changed = np.concatenate((before, rows))
@@ -73,7 +86,7 @@ class FilteredPoints:
         )
 
     def _filtered(self, pipeline: Pipeline, given: Outcome, changed: UInt64) -> Outcome:
-        """Filter again what can have changed, given the points that came and went."""
+        """Filter again all points whose outcome the rows that came or went can change."""
         if self._stage is None:
             return given
         reach = self._stage.reach(pipeline.cell_size)
@@ -100,7 +113,7 @@ def _as_read(rows: UInt64) -> Points:
 
 
 def _rows_of(points: Points, cell_size: float) -> UInt64:
-    """Return points as rows, ascending by cell; nobody has looked at them yet."""
+    """Return points as rows, ascending by cell, not yet filtered."""
     rows = np.empty((points.size, _WORDS), dtype=np.uint64)
     _fill(rows, rows.view(np.float64), *points, *cells_of(points.xyz, cell_size))
     return rows[np.argsort(rows[:, _CELL], kind="stable")]
@@ -110,6 +123,21 @@ def _rows_of(points: Points, cell_size: float) -> UInt64:
 def _fill(
     rows: UInt64, floats: Float64, xyz: Float64, keyframe: Int32, ix: Int32, iy: Int32
 ) -> None:
+    """Write points into rows.
+
+    Parameters
+    ----------
+    rows : uint64 (N, _WORDS)
+        Receives the points, in the order given.
+    floats : float64 (N, _WORDS)
+        A view of `rows`.
+    xyz : float64 (N, 3)
+        Coordinates.
+    keyframe : int32 (N,)
+        The number of each point's keyframe.
+    ix, iy : int32 (N,)
+        Cell indices of the points.
+    """
     for i in range(len(rows)):
         rows[i, _CELL] = key_of(ix[i], iy[i])
         floats[i, _X], floats[i, _Y], floats[i, _Z] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
@@ -118,7 +146,7 @@ def _fill(
 
 
 def _passed_on(rows: UInt64) -> UInt64:
-    """Return the rows of a stage as the next one reads them: without what it drops."""
+    """Return the rows of a stage as the next one reads them: without the points that it drops."""
     floats = rows.view(np.float64)
     floats = floats[~np.isnan(floats[:, _HEIGHT])]
     floats[:, _Z] = floats[:, _HEIGHT]
@@ -128,11 +156,11 @@ def _passed_on(rows: UInt64) -> UInt64:
 
 @kernel
 def _asked(rows: UInt64, floats: Float64, changed: UInt64, places: Float64, reach: int) -> Bool:
-    """Tell which points a stage must look at again, given those that came and went.
+    """Return which points a stage must filter again, bool (N,), given those that came or went.
 
-    Rows ascend by cell; a stage looks no farther than into cells within its reach. Those that came
-    or went in one cell are taken for the rectangle around them: one by one, dense clouds would cost
-    more than what is spared.
+    Rows ascend by cell, and a stage looks at cells within its reach only. Points that came or went
+    in one cell are taken for the rectangle around them: one by one they would cost more in dense
+    clouds than they spare. `floats` and `places` are `rows` and `changed` viewed as float64.
     """
     asked: Bool = floats[:, _LOOKED] == np.inf
     if asked.all():
@@ -178,14 +206,14 @@ def _first_from(rows: UInt64, cell: np.uint64) -> int:
 def _noted(
     rows: UInt64, floats: Float64, asked: Bool, height: Float64, looked: Float64
 ) -> tuple[UInt64, UInt64]:
-    """Note what a stage says of the points that it was asked about.
+    """Write a stage's results for the points that were asked for into their rows.
 
     Returns
     -------
     cells : uint64 (C,)
-        Those in which something was noted.
-    outcome : uint64 (N, words)
-        The rows of those in which a point is new, or has another outcome.
+        Packed keys of the cells in which something was written.
+    outcome : uint64 (N, _WORDS)
+        All rows of those cells in which a point is new or its outcome has changed.
     """
     cells, outcome = np.empty(len(rows), dtype=np.uint64), np.empty_like(rows)
     noted = size = 0

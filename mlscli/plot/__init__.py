@@ -1,7 +1,7 @@
 """Pictures of maps: from above, cut upright, and two side by side (matplotlib).
 
-Each function returns a `matplotlib.figure.Figure`, which `write_figure` writes. Lengths are in the
-unit of the map.
+Each `plot` function returns a `matplotlib.figure.Figure`, which `write_figure` writes. Lengths are
+in the unit of the map.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def require_format(path: str | os.PathLike[str]) -> Format:
     Raises
     ------
     UsageError
-        Where it names none.
+        Where it names none of `FORMATS`.
     """
     ending = Path(path).suffix.lower()
     for kind in FORMATS:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 PAPER = "#ffffff"
 INK = "#222222"
 
-# Inches along the longer side of what is shown.
+# Inches along the longer side of the drawing.
 LONGER_SIDE = 7.5
 
 
@@ -43,22 +43,22 @@ def plot_above(
 
     Parameters
     ----------
-    surface
+    surface : SurfaceMap
         The map.
     level : int, optional
-        Of the patches of each cell, the one that this number counts from below, from 1 on; without
-        it the highest. Where another lies beneath it, a dotted line runs around.
-    colour
+        Which patch of each cell is shown, counted from 1 from below; by default the highest. A
+        dotted line runs around cells with another patch beneath the one shown.
+    colour : str
         What colours stand for, as in meshes.
-    artificial
+    artificial : bool
         Whether artificial patches are shown.
-    title
-        What is written above it.
+    title : str
+        The title above the picture.
 
     Raises
     ------
     UsageError
-        Where the map has no patches, or no cell has as many levels.
+        Where the map has no patches to show, or no cell has as many levels.
     """
     paint = Paint(surface, colour)
     if not artificial:
@@ -79,14 +79,14 @@ def plot_above(
 
 
 def size_of(frame: Frame) -> tuple[float, float]:
-    """Return how wide and how long what is shown is drawn, in inches."""
+    """Return width and length of the drawing of a frame, in inches."""
     west, east, south, north = frame.extent
     side = LONGER_SIDE / max(east - west, north - south)
     return max((east - west) * side, 2.5), max((north - south) * side, 2.0)
 
 
 def new_figure(width: float, length: float) -> Figure:
-    """Return an empty figure of a size in inches, with a little room around."""
+    """Return an empty figure of a size in inches, with a little padding."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -95,7 +95,18 @@ def new_figure(width: float, length: float) -> Figure:
 
 
 def draw_above(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame, paint: Paint) -> None:
-    """Draw the patches shown, the route over them, and a scale bar."""
+    """Draw the patches shown, the route over them, and a scale bar.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    surface : SurfaceMap
+    shown : int64 (length, width)
+        The patch that each pixel shows, as `shown_patches` returns it.
+    frame : Frame
+    paint : Paint
+        Gives patches their colours.
+    """
     extent = frame.extent
     image = picture(surface, shown, frame, paint)
     axes.imshow(image, extent=extent, origin="lower", interpolation="nearest", zorder=1)
@@ -114,18 +125,18 @@ def draw_above(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame, pain
 
 
 def route_of(surface: SurfaceMap) -> Float64:
-    """Return the positions of the craft that are known, (K, 3)."""
+    """Return the known positions of the craft, float64 (K, 3)."""
     position = surface.route[:, 1:]
     return position[np.isfinite(position).all(axis=1)]
 
 
 def as_colour(rgb: tuple[int, int, int]) -> tuple[float, float, float]:
-    """Return a colour as matplotlib takes it."""
+    """Return a colour, 0 to 255 for each channel, as matplotlib takes it, 0 to 1."""
     return rgb[0] / 255, rgb[1] / 255, rgb[2] / 255
 
 
 def add_colourbar(figure: Figure, axes: Axes | list[Axes], paint: Paint) -> None:
-    """Add what the colours stand for, where that is a range of values."""
+    """Add a colour bar, where colours stand for a range of values."""
     if paint.scale is None or not paint.scale.high > paint.scale.low:
         return
     from matplotlib.cm import ScalarMappable
@@ -141,7 +152,7 @@ def add_colourbar(figure: Figure, axes: Axes | list[Axes], paint: Paint) -> None
 
 
 def _draw_beneath(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame) -> None:
-    """Draw a dotted line around the pixels beneath whose patch another one lies."""
+    """Draw a dotted line around the pixels whose patch has another one beneath it."""
     from matplotlib.collections import LineCollection
 
     first = np.repeat(surface.cells.start[:-1], np.diff(surface.cells.start))
@@ -161,7 +172,7 @@ def _draw_beneath(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame) -
 
 
 def _add_scale_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
-    """Add a bar of a round length, about a fifth of the width."""
+    """Add a bar of a round length, at most a quarter of the width."""
     from matplotlib import patheffects
 
     west, east, south, north = extent
@@ -188,13 +199,13 @@ def _add_scale_bar(axes: Axes, extent: tuple[float, float, float, float]) -> Non
 
 
 def round_length(most: float) -> float:
-    """Return the greatest of 1, 2 and 5 times a power of ten that is at most so long."""
+    """Return the greatest number up to `most`, above 0, of 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(most))
     return max(power * digit for digit in (1, 2, 5) if power * digit <= most * (1 + 1e-9))
 
 
 def _add_legend(axes: Axes, surface: SurfaceMap, shown: Int64, paint: Paint) -> None:
-    """Add what is there beside the scale."""
+    """Add a legend: origins, route and dotted lines, as far as the picture has them."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

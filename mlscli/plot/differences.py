@@ -17,18 +17,26 @@ from mlscli.scoring.comparison import matches, require_same_cells
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Heights that differ by more cells than this are ringed: less is not seen in such a picture.
+# Patches whose heights differ by more cells than this get a ring; less cannot be seen in a picture.
 TOLERANCE = 0.5
 
-# Pixels with at most one between them share a ring; what stretches over more than this many is
-# ringed piece by piece.
+# Pixels with at most two between them share a ring; spots longer than this many pixels are cut into
+# squares of this side, each with a ring of its own.
 LARGEST_SPOT = 16
 
 RING = "#d4006e"
 
 
 class Ring(NamedTuple):
-    """A circle in the plane of the map."""
+    """A circle in the plane of the map.
+
+    Attributes
+    ----------
+    x, y : float
+        Its centre, in the unit of the map.
+    radius : float
+        In the unit of the map.
+    """
 
     x: float
     y: float
@@ -45,22 +53,22 @@ def plot_differences(
 ) -> Figure:
     """Return a picture of two maps of one grid from above, with rings where they differ.
 
-    A ring holds patches that one map only has, that are more than half a cell higher or lower in
-    one, or artificial in one alone.
+    A ring surrounds patches that only one map has, that differ by more than half a cell in height,
+    or that are artificial in one map only.
 
     Parameters
     ----------
-    one, other
+    one, other : SurfaceMap
         The maps.
     colour, artificial
         As in `plot_above`.
-    titles
-        What is written above each.
+    titles : tuple of str
+        The title above each map.
 
     Raises
     ------
     UsageError
-        Where the maps' cells or gaps differ, or both have no patches.
+        Where cell size or gap size differ, or neither map has patches to show.
     """
     from matplotlib.patches import Circle
 
@@ -91,7 +99,7 @@ def plot_differences(
 
 
 def differing(one: SurfaceMap, other: SurfaceMap, frame: Frame) -> Bool:
-    """Tell which pixels, (length, width), hold a patch that the other map has not."""
+    """Return which pixels hold a patch that differs between the maps, bool (length, width)."""
     in_one, in_other = matches(one, other)
     apart = np.abs(one.height[in_one] - other.height[in_other]) > TOLERANCE * one.cell_size
     apart |= (one.origin[in_one] == ARTIFICIAL) != (other.origin[in_other] == ARTIFICIAL)
@@ -106,7 +114,7 @@ def differing(one: SurfaceMap, other: SurfaceMap, frame: Frame) -> Bool:
 
 
 def rings(found: Bool, frame: Frame) -> list[Ring]:
-    """Return rings around pixels that are near each other."""
+    """Return rings around groups of pixels; `found`, bool (length, width), says which pixels."""
     near = np.ones((3, 3), dtype=np.bool_)
     number, count = label(binary_dilation(found, near), near)
     number[~found] = 0

@@ -1,8 +1,8 @@
 """A map seen from above: which patch each pixel shows, and its colour in the light.
 
-A pixel is a cell, or a square of cells where there are more than a picture can show; of these the
-highest patch counts. Light falls from the north-west, half way up: slopes are shaded, and what is
-higher throws a shadow, so that decks, roofs and walls stand out.
+A pixel is a cell, or a square of cells where a map has more than a picture can show; it shows the
+highest patch in them. Light falls from the north-west, at 45 degrees: slopes are shaded, and higher
+patches throw shadows, so that decks, roofs and walls stand out.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8
 # Pixels along the longer side, at most.
 MAX_SIDE = 2000
 
-# Shadows are sought this many pixels away.
+# Shadows are shorter than this many pixels.
 LONGEST_SHADOW = 12
 
 _SHADING, _SHADOW = 0.6, 0.72
@@ -31,12 +31,13 @@ class Frame(NamedTuple):
     Attributes
     ----------
     ix, iy : int
-        The first cell.
+        Least indices of its cells.
     width, length : int
         Pixels along x and y.
     cells : int
         Cells along each side of a pixel.
     cell_size : float
+        In the unit of the map.
     """
 
     ix: int
@@ -48,13 +49,20 @@ class Frame(NamedTuple):
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """The least and greatest x, and the least and greatest y."""
+        """The least and greatest x, and the least and greatest y, in the unit of the map."""
         pixel = self.cells * self.cell_size
         west, south = self.ix * self.cell_size, self.iy * self.cell_size
         return west, west + self.width * pixel, south, south + self.length * pixel
 
     def pixels(self, surface: SurfaceMap) -> tuple[Int64, Int64, Bool]:
-        """Return column and row of each patch, and whether it is in the picture."""
+        """Return the pixel of each patch.
+
+        Returns
+        -------
+        column, row : int64 (P,)
+        inside : bool (P,)
+            Whether the pixel is in the picture.
+        """
         column = (surface.ix.astype(np.int64) - self.ix) // self.cells
         row = (surface.iy.astype(np.int64) - self.iy) // self.cells
         inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.length)
@@ -64,13 +72,14 @@ class Frame(NamedTuple):
 def frame_of(*surfaces: SurfaceMap) -> Frame:
     """Return the part of the plane that shows maps of one grid.
 
-    It holds everything, but where that would be more than four times as wide as what holds 98 % of
-    the patches: a few strays must not shrink the rest to a point.
+    It holds all patches, unless these extend along an axis to more than four times the range that
+    holds the middle 98 % of them: then it holds this range and a margin, so that a few stray
+    patches do not shrink the rest to a point.
 
     Raises
     ------
     UsageError
-        Where the maps have no patches.
+        Where no map has patches.
     """
     bounds = []
     for name in ("ix", "iy"):
@@ -90,17 +99,16 @@ def frame_of(*surfaces: SurfaceMap) -> Frame:
 
 
 def shown_patches(surface: SurfaceMap, frame: Frame, level: int | None = None) -> Int64:
-    """Return the patch that each pixel shows, int64 (length, width); -1: none.
+    """Return the index of the patch that each pixel shows, int64 (length, width); -1: none.
 
     Parameters
     ----------
-    surface
+    surface : SurfaceMap
         The map.
-    frame
-        What is shown.
+    frame : Frame
+        The part of the plane that is shown.
     level : int, optional
-        Of the patches of a cell, the one that this number counts from below, from 1 on; without
-        it the highest.
+        Which patch of each cell is shown, counted from 1 from below; by default the highest.
     """
     chosen = np.arange(surface.size)
     if level is not None:
@@ -116,7 +124,17 @@ def shown_patches(surface: SurfaceMap, frame: Frame, level: int | None = None) -
 
 
 def picture(surface: SurfaceMap, shown: Int64, frame: Frame, paint: Paint) -> UInt8:
-    """Return the colours of pixels, uint8 (length, width, 4), clear where nothing is."""
+    """Return the picture, RGBA, uint8 (length, width, 4); transparent where no patch is shown.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    shown : int64 (length, width)
+        The patch that each pixel shows, as `shown_patches` returns it.
+    frame : Frame
+    paint : Paint
+        Gives patches their colours.
+    """
     there = shown >= 0
     patch = shown[there]
     height = np.full(shown.shape, np.nan)
@@ -131,7 +149,15 @@ def picture(surface: SurfaceMap, shown: Int64, frame: Frame, paint: Paint) -> UI
 
 
 def _light(height: Float64, pixel: float) -> Float64:
-    """Return by how much each pixel is lighter than a level one in the sun."""
+    """Return the brightness of each pixel, (length, width); 1 for a level one outside shadows.
+
+    Parameters
+    ----------
+    height : float64 (length, width)
+        NaN where no patch is shown.
+    pixel : float
+        Side of a pixel, in the unit of the map.
+    """
     east, north = _slope(height, pixel, 1), _slope(height, pixel, 0)
     # The light comes from (-1, 1, sqrt(2)) / 2; a level surface has the cosine 1 / sqrt(2).
     cosine = (east - north + np.sqrt(2)) / 2 / np.sqrt(1 + east**2 + north**2)
@@ -145,7 +171,7 @@ def _light(height: Float64, pixel: float) -> Float64:
 
 
 def _slope(height: Float64, pixel: float, axis: int) -> Float64:
-    """Return how steeply a surface rises along an axis; 0 where that is not known."""
+    """Return the slope of heights (length, width) along an axis; 0 where it is not known."""
     step = np.diff(height, axis=axis) / pixel
     nothing = np.full_like(np.take(height, [0], axis=axis), np.nan)
     both = np.stack(

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Longer cuts would be thinner than a pixel.
+# The cells of longer cuts would be narrower than a pixel.
 MAX_SECTION_CELLS = 200_000
 
-# Positions of the craft so many cells beside the cut are shown.
+# Positions of the craft are shown up to this many cells beside the cut.
 ROUTE_WITHIN = 3
 
-# The clearance is told of spaces at least so many cells long.
+# Spaces at least this many cells long are labelled with their clearance.
 LEAST_LABELLED = 3
 
 _SPACE = "#dcebf5"
@@ -39,8 +39,9 @@ class Cut(NamedTuple):
     Attributes
     ----------
     patch : int64 (S,)
+        Indices of the patches; those of one cell follow one another from below.
     begin, end : float64 (S,)
-        How far along the line the patch's cell begins and ends.
+        Distances along the line at which the patch's cell begins and ends, in the unit of the map.
     """
 
     patch: Int64
@@ -51,10 +52,16 @@ class Cut(NamedTuple):
 def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float]) -> Cut:
     """Return the patches in the cells that a line runs through.
 
+    Parameters
+    ----------
+    surface : SurfaceMap
+    start, end : tuple of float
+        x and y of the line's ends, in the unit of the map.
+
     Raises
     ------
     UsageError
-        Where the line has no length, leaves the grid, or is too long.
+        Where the line has no length, leaves the grid, or runs through too many cells.
     """
     line = np.array([start, end], dtype=np.float64)
     length = math.dist(start, end)
@@ -84,7 +91,7 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
 
 
 def _told(*places: tuple[float, float], between: str = ",") -> str:
-    """Return coordinates as they are given, those of UTM with their centimetres."""
+    """Return coordinates as text, with nine digits: those of UTM to the centimetre."""
     return between.join(f"{number:.9g}" for place in places for number in place)
 
 
@@ -99,22 +106,22 @@ def plot_section(
 ) -> Figure:
     """Return a picture of a map cut upright along a line.
 
-    Levels are bars, vertical patches filled down to their depth; the space between two levels is
-    tinted, with the clearance where it is widest.
+    Patches are bars at their height, vertical ones filled down to their lower end. The space
+    between two levels is tinted, and labelled with the clearance in the middle of each stretch.
 
     Parameters
     ----------
-    surface
+    surface : SurfaceMap
         The map.
     start, end : tuple of float
-        x and y of the line's ends.
+        x and y of the line's ends, in the unit of the map.
     colour, artificial, title
         As in `plot_above`.
 
     Raises
     ------
     UsageError
-        As `cut`, and where it meets no patch.
+        As `cut`, and where the line meets no patch.
     """
     paint = Paint(surface, colour)
     if not artificial:
@@ -125,7 +132,7 @@ def plot_section(
     low, high = surface.low_end[met.patch].min(), surface.height[met.patch].max()
     margin = max(0.08 * (high - low), 2 * surface.cell_size)
     length = math.dist(start, end)
-    # One scale for both axes, unless that would leave a thread.
+    # One scale for both axes, unless the drawing would be too flat.
     exaggerated = (high - low + 2 * margin) / length < 0.12
     tall = 3.2 if exaggerated else min(8.5 * (high - low + 2 * margin) / length, 5.0)
     figure = new_figure(9.6, max(tall, 1.2) + 1.2)
@@ -153,7 +160,7 @@ def plot_section(
 
 
 def _draw_patches(axes: Axes, surface: SurfaceMap, met: Cut, paint: Paint) -> None:
-    """Draw levels as bars and vertical patches as boxes down to their depth."""
+    """Draw patches as bars, and vertical ones as boxes down to their lower end, too."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     patch = met.patch
@@ -173,7 +180,7 @@ def _draw_patches(axes: Axes, surface: SurfaceMap, met: Cut, paint: Paint) -> No
 
 
 def _draw_space(axes: Axes, surface: SurfaceMap, met: Cut) -> None:
-    """Tint the space between two levels, and say how high it is in the middle of each stretch."""
+    """Tint the space between two levels; label each stretch with the clearance in its middle."""
     from matplotlib.collections import PolyCollection
 
     over = np.flatnonzero(met.begin[1:] == met.begin[:-1]) + 1
@@ -212,7 +219,15 @@ def _draw_earth(axes: Axes, surface: SurfaceMap, met: Cut) -> None:
 
 
 def _boxes(begin: Float64, end: Float64, low: Float64, high: Float64) -> list[Float64]:
-    """Return the corners of upright boxes, (4, 2) each."""
+    """Return the corners of boxes in the plane of the cut, float64 (4, 2) each.
+
+    Parameters
+    ----------
+    begin, end : float64 (N,)
+        Distances along the line.
+    low, high : float64 (N,)
+        Heights.
+    """
     corners = ((begin, low), (end, low), (end, high), (begin, high))
     return list(np.stack([np.column_stack(corner) for corner in corners], axis=1))
 
@@ -220,7 +235,15 @@ def _boxes(begin: Float64, end: Float64, low: Float64, high: Float64) -> list[Fl
 def _stretches(
     begin: Float64, end: Float64, floor: Float64, ceiling: Float64
 ) -> Iterator[list[int]]:
-    """Yield the spaces, in their order along the cut, that open into one another."""
+    """Yield stretches of spaces that open into one another: indices, in order along the cut.
+
+    Parameters
+    ----------
+    begin, end : float64 (N,)
+        Distances along the line at which each space begins and ends; `begin` ascends.
+    floor, ceiling : float64 (N,)
+        Heights of its ends.
+    """
     open_runs: list[list[int]] = []
     for space in range(len(begin)):
         for run in [run for run in open_runs if end[run[-1]] < begin[space]]:

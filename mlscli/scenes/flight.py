@@ -1,7 +1,7 @@
 """A flight over a scene: keyframes of the points that a craft's camera finds.
 
-A keyframe holds the points it is the first to see, as a visual SLAM triangulates a point once. What
-no keyframe sees is not in the recording.
+Each point belongs to the first keyframe that sees it, as a visual SLAM triangulates a point once.
+Points that no keyframe sees are not recorded.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from mlscli.scenes.sampling import Samples, outside_holes, sample
 from mlscli.scenes.surfaces import Scene
 
 BEGIN = 1_700_000_000.0
+"""Time stamp of the first pose of a route, in seconds."""
+
 INTERVAL_SECONDS = 0.5
-"""Seconds from keyframe to keyframe."""
+"""Time from one pose of a route to the next, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,12 @@ class Craft:
     Attributes
     ----------
     height : float
-        Of the survey above the scene's top.
+        Height of the survey above the scene's top, in the unit of the scene.
     field_of_view : float
         The whole angle of the cone that the camera sees, in degrees.
     range : float or None
-        How far it sees; None: twice as far as from the survey down to the scene's bottom.
+        How far the camera sees, in the unit of the scene; None: twice the distance from the survey
+        down to the scene's bottom.
     """
 
     height: float = 1.5
@@ -43,12 +46,12 @@ class Craft:
     range: float | None = None
 
     def reach(self, scene: Scene) -> float:
-        """Return how far the camera sees in a scene, checked with the field of view.
+        """Check field of view and range, and return how far the camera sees in a scene.
 
         Raises
         ------
         UsageError
-            Naming the option at fault.
+            Where `field_of_view` or `range` is out of range.
         """
         if not 0 < self.field_of_view <= 360:
             raise UsageError(
@@ -69,11 +72,12 @@ class Flight:
     Attributes
     ----------
     scene : Scene
+        The scene flown over.
     keyframes : list of Keyframe
-        Those that see something new, in the order flown.
+        The K keyframes that see something new, in the order flown.
     attitudes : float64 (K, 4)
-        The craft's attitude at each of them: a quaternion x, y, z, w from its axes (x ahead,
-        y left, z up) to the map's. Its camera looks along -z.
+        The craft's attitude at each keyframe: a quaternion x, y, z, w that rotates the craft's
+        axes (x ahead, y left, z up) into the map's. Its camera looks along -z.
     """
 
     scene: Scene
@@ -102,23 +106,23 @@ def fly(
     ----------
     scene : Scene
     grid : float
-        Spacing of the points on its surfaces.
+        Greatest spacing of the points on its surfaces, in the unit of the scene.
     noise : Noise, optional
-        How they are displaced; by default as in `Noise`.
+        How points are displaced; by default ``Noise()``.
     craft : Craft, optional
-        How it flies, and what its camera sees; by default as in `Craft`.
-    holes : tuple
-        How many round places are without texture, and their diameter.
+        How the craft flies, and what its camera sees; by default ``Craft()``.
+    holes : tuple of int and float
+        How many round places are without texture, and their diameter in the unit of the scene.
     seed : int
-        Of all chance; the same seed gives the same flight.
+        Seed of all random numbers, 0 or more; the same seed gives the same flight.
     visibility : bool
-        Whether only what a keyframe sees is recorded. Otherwise every point is, by the nearest
-        keyframe, as in the thesis's artificial clouds.
+        Whether only points that a keyframe sees are recorded. Otherwise all points are, each by
+        the nearest keyframe, as in the thesis's artificial clouds.
 
     Raises
     ------
     UsageError
-        Where a value is out of range, or nothing is seen.
+        Where a value is out of range, the scene has no surface, or the camera sees nothing.
     """
     noise, craft = noise or Noise(), craft or Craft()
     _check(scene, noise, holes, seed)
@@ -173,13 +177,14 @@ def _check(scene: Scene, noise: Noise, holes: tuple[int, float], seed: int) -> N
 def _with_features(
     scene: Scene, samples: Samples, holes: tuple[int, float], chances: Chances
 ) -> Samples:
-    """Return the points at which a camera finds a feature."""
+    """Return the samples at which a camera finds a feature."""
     kept = chances.of("texture").random(len(samples.xyz)) < samples.texture
     kept &= outside_holes(scene, samples.xyz, *holes, chances.of("holes"))
     return Samples(samples.xyz[kept], samples.surface[kept], samples.texture[kept])
 
 
 def _nearest(xyz: Float64, poses: CameraPoses) -> Int32:
+    """Return the number of the pose nearest to each point, int32 (N,)."""
     from scipy.spatial import cKDTree
 
     _, nearest = cKDTree(poses.position).query(xyz)
@@ -187,12 +192,12 @@ def _nearest(xyz: Float64, poses: CameraPoses) -> Int32:
 
 
 def _sigmas(scene: Scene, noise: Noise) -> Float64:
-    """Return the horizontal and the vertical sigma of each surface."""
+    """Return the horizontal and the vertical sigma of each surface, float64 (S, 2)."""
     return np.array([surface.scatter or noise.sigma for surface in scene.surfaces])
 
 
 def _recorded(scene: Scene, xyz: Float64, keyframe: Int32, poses: CameraPoses) -> Flight:
-    """Return the flight: the points in the order of their keyframes, unseen ones left out."""
+    """Return the flight: points by the pose that sees them; those without one (-1) are left out."""
     order = np.argsort(keyframe, kind="stable")
     order = order[np.searchsorted(keyframe[order], 0) :]
     numbers, start = np.unique(keyframe[order], return_index=True)

@@ -1,4 +1,4 @@
-"""What surfaces cover of each cell: exact areas and heights, from rectangles clipped to cells."""
+"""Footprints of surfaces in cells: exact areas and heights, from rectangles clipped to cells."""
 
 from __future__ import annotations
 
@@ -20,14 +20,18 @@ class Footprints(NamedTuple):
     Attributes
     ----------
     ix, iy : int64 (F,)
-        The cell.
+        Indices of the cell.
     plane : int64 (F,)
         Number of the plane that the surface lies in: surfaces in one plane count together.
     share : float64 (F,)
-        Of a level or sloping part, the share of the cell's area that it covers; of an upright
-        one, how much of a cell's side runs along it.
+        Of a level or sloping part, its area seen from above, in areas of a cell; of an upright
+        one, its length seen from above, in sides of a cell.
+    slant : float64 (F,)
+        Area of the surface over its area seen from above; 1 for upright ones.
     low, high, mean, variance : float64 (F,)
-        Of the heights of the part, all over its area.
+        Lowest, highest and mean height of the part, and the variance of its heights, over its
+        area (of an upright one: as if uniform between the ends); in the unit of the scene, the
+        variance in its square.
     """
 
     ix: Int64
@@ -47,7 +51,7 @@ class Footprints(NamedTuple):
 
 
 def footprints(surfaces: Sequence[Surface], cell_size: float) -> tuple[Footprints, Footprints]:
-    """Return what level or sloping surfaces cover of each cell, and what upright ones do."""
+    """Return the footprints of level or sloping surfaces, and those of upright ones."""
     planes, slants = _planes(surfaces), np.array([_slant(surface) for surface in surfaces])
     parts: list[Footprints] = []
     for upright, clip in ((False, _clip_flat), (True, _clip_upright)):
@@ -60,18 +64,21 @@ def footprints(surfaces: Sequence[Surface], cell_size: float) -> tuple[Footprint
 
 
 def cells_spanned(surfaces: Sequence[Surface], cell_size: float) -> float:
-    """Return how many cells the surfaces span, at most; a number before memory is asked for."""
+    """Return an upper bound of how many cells the surfaces reach into, without clipping any."""
     _, along, across = edges(surfaces)
     width = (np.abs(along[:, :2]) + np.abs(across[:, :2])) / cell_size + 2
     return float(width.prod(axis=1).sum())
 
 
 def _planes(surfaces: Sequence[Surface]) -> Int64:
-    """Return the number of each surface's plane; those equal to nine digits are one."""
+    """Return the number of each surface's plane, int64 (S,).
+
+    Planes are the same where normal and offset agree to nine decimals.
+    """
     corner, along, across = edges(surfaces)
     normal = np.cross(along, across)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    # A plane has two normals; the first part of it that is not zero is to be positive.
+    # Of the two normals of a plane, take the one whose first component other than 0 is positive.
     rounded = np.round(normal, 9)
     first = np.take_along_axis(rounded, (rounded != 0).argmax(axis=1)[:, None], axis=1)
     normal *= np.sign(first)
@@ -82,6 +89,7 @@ def _planes(surfaces: Sequence[Surface]) -> Int64:
 
 
 def _slant(surface: Surface) -> float:
+    """Return the area of a surface over its area seen from above; 1 for an upright one."""
     return 1.0 if surface.upright else math.hypot(*surface.normal) / abs(surface.normal[2])
 
 
@@ -91,8 +99,9 @@ def _solid(surfaces: Sequence[Surface]) -> tuple[Int64, Float64, Float64, Float6
     Returns
     -------
     owner : int64 (R,)
-        The surface that each rectangle is a part of.
+        Index of the surface that each rectangle is a part of.
     corner, along, across : float64 (R, 3)
+        A corner of each rectangle and the edges that leave it, as in `Surface`.
     """
     parts = [_around(surface) for surface in surfaces]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
@@ -105,7 +114,10 @@ def _solid(surfaces: Sequence[Surface]) -> tuple[Int64, Float64, Float64, Float6
 
 
 def _around(surface: Surface) -> list[tuple[float, float, float, float]]:
-    """Cut the openings out: rectangles in u and v from 0 to 1, between the openings' edges."""
+    """Return the parts of a surface around its openings.
+
+    They are rectangles u_low, u_high, v_low, v_high, as shares (0 to 1) of `along` and `across`.
+    """
     if not surface.openings:
         return [(0.0, 1.0, 0.0, 1.0)]
     length, width = surface.lengths
@@ -133,11 +145,18 @@ def _clip_flat(
 ) -> tuple[Array, ...]:
     """Clip rectangles, seen from above, to the cells.
 
+    Parameters
+    ----------
+    corner, along, across : float64 (R, 3)
+        The rectangles, as `_solid` returns them.
+    cell_size : float
+
     Returns
     -------
-    tuple
-        Of each part: its rectangle, ix, iy, share of the cell, lowest, highest, mean and
-        variance of its heights.
+    rectangle, ix, iy : int64 (F,)
+        The rectangle that each part is cut from, and its cell.
+    share, low, high, mean, variance : float64 (F,)
+        As in `Footprints`.
     """
     size = 0
     for r in range(len(corner)):
@@ -174,7 +193,7 @@ def _clip_flat(
 def _cells_of(
     corner: Float64, along: Float64, across: Float64, cell_size: float
 ) -> tuple[int, int, int, int]:
-    """Return the least and the greatest ix and iy of the cells that a rectangle may reach."""
+    """Return the least and the greatest ix, then iy, of the cells that a rectangle may reach."""
     low, high = np.empty(2), np.empty(2)
     for axis in range(2):
         low[axis] = corner[axis] + min(along[axis], 0.0) + min(across[axis], 0.0)
@@ -189,9 +208,9 @@ def _cells_of(
 
 @inner
 def _corners(corner: Float64, along: Float64, across: Float64, polygon: Float64) -> int:
-    """Note the corners of a rectangle, and return how many they are.
+    """Write the corners of a rectangle to the first rows of `polygon`; return their number, 4.
 
-    Coordinate by coordinate, here and in `_cut`: what adds rows takes seconds to compile.
+    Here and in `_cut` each coordinate is computed by itself: sums of rows take seconds to compile.
     """
     for axis in range(3):
         polygon[0, axis] = corner[axis]
@@ -203,7 +222,27 @@ def _corners(corner: Float64, along: Float64, across: Float64, polygon: Float64)
 
 @inner
 def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, result: Float64) -> int:
-    """Keep of a convex polygon what is beyond an edge, or, with sign -1, on this side of it."""
+    """Cut a convex polygon along a line ``x = edge`` or ``y = edge``.
+
+    Parameters
+    ----------
+    polygon : float64 (12, 3)
+        Its corners, in the first rows.
+    sides : int
+        How many corners it has.
+    axis : int
+        0: the line is ``x = edge``; 1: ``y = edge``.
+    edge : float
+    sign : float
+        1 keeps the part with greater coordinates, -1 that with smaller ones.
+    result : float64 (12, 3)
+        Where the corners of that part are written.
+
+    Returns
+    -------
+    int
+        How many corners the part has; 0 where nothing is left.
+    """
     kept = 0
     for i in range(sides):
         after = (i + 1) % sides
@@ -224,14 +263,14 @@ def _cut(polygon: Float64, sides: int, axis: int, edge: float, sign: float, resu
 
 @inner
 def _heights(polygon: Float64, sides: int) -> tuple[float, float, float]:
-    """Return the area seen from above, and mean and variance of the heights over it."""
+    """Return the area of a polygon seen from above, and mean and variance of its heights."""
     area = first = second = 0.0
     base = polygon[0, 2]
     for i in range(1, sides - 1):
         ax, ay = polygon[i, 0] - polygon[0, 0], polygon[i, 1] - polygon[0, 1]
         bx, by = polygon[i + 1, 0] - polygon[0, 0], polygon[i + 1, 1] - polygon[0, 1]
         part = abs(ax * by - ay * bx) / 2
-        # The integrals of a linear height over a triangle whose first corner is at 0.
+        # The integrals of a height and of its square over a triangle with one corner at height 0.
         one, other = polygon[i, 2] - base, polygon[i + 1, 2] - base
         area += part
         first += part * (one + other) / 3
@@ -246,9 +285,9 @@ def _heights(polygon: Float64, sides: int) -> tuple[float, float, float]:
 def _clip_upright(
     corner: Float64, along: Float64, across: Float64, cell_size: float
 ) -> tuple[Array, ...]:
-    """Clip walls to the cells that they run through; as `_clip_flat`.
+    """Clip upright rectangles to the cells that they run through; as `_clip_flat`.
 
-    A wall that runs along the edge of cells stands in those that begin there.
+    A wall along an edge between cells belongs to the cells with the greater index.
     """
     size = 0
     for r in range(len(corner)):

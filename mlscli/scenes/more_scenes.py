@@ -1,4 +1,4 @@
-"""Scenes beyond the thesis's: storeys, streets, tunnels, stairs, decks, villages of any size."""
+"""Scenes that the thesis lacks: storeys, streets, tunnels, stairs, decks, villages of any size."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def street() -> Scene:
 
 
 def _tree(scene: Scene, place: Place) -> Scene:
-    """Add a trunk and a crown five cells wide, around the cell whose indices are given."""
+    """Add a trunk in the cell whose indices are given, and a crown of five by five cells on it."""
     x, y = place
     trunk = cell(y + 0.5)
     scene = wall(scene, (cell(x), trunk), (cell(x + 1), trunk), (0.0, 0.9))
@@ -85,7 +85,7 @@ def tunnel() -> Scene:
 
 
 def stair() -> Scene:
-    """Return a stair up to a gallery, below which one can walk."""
+    """Return a stair up to a gallery that is open below."""
     scene, steps, rise = Scene("stair"), 6, 0.18
     top, head = steps * rise, 2 * steps - 0.5
     solid = (cells(1, 20), cells(-4, 4))
@@ -108,7 +108,7 @@ def stair() -> Scene:
 
 
 def parking() -> Scene:
-    """Return a parking deck: two decks on columns above the ground, and ramps beside them."""
+    """Return a car park: two decks on columns above the ground, and ramps beside them."""
     scene, storey = Scene("parking"), 1.2
     # The foot of the lower ramp is solid.
     scene = floor(
@@ -136,7 +136,7 @@ def parking() -> Scene:
 
 
 def village(size: int) -> Scene:
-    """Return `size` by `size` lots of 30 cells, with a house of its own kind on each."""
+    """Return `size` by `size` lots of 30 by 30 cells, each with a house of one of five kinds."""
     scene = Scene(f"village-{size}")
     lots = []
     for row, column in product(range(size), range(size)):

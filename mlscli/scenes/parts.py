@@ -1,8 +1,8 @@
-"""Parts of scenes, told by their extents: floors, walls, ramps, blocks.
+"""Parts of scenes, given by their extents: floors, walls, ramps, blocks.
 
-They are the building blocks of `mlscli.scenes.surfaces` in the words in which a scene is thought
-of. Lengths of openings and of places without texture are told like the part itself: in x and y,
-or along a wall and in z.
+They add surfaces as `mlscli.scenes.surfaces` does, but by ranges instead of centre and size.
+Openings and places without texture are ranges, too: of x and y, or along a wall and of z. Lengths
+are in the unit of the scene.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ Range = tuple[float, float]
 Place = tuple[float, float]
 
 CELL = 0.15
-"""The thesis's cell: floors of scenes end on the edges of such cells, walls stand in the middle."""
+"""Side of the thesis's cells: floors end on edges of such cells, walls stand in their middle."""
 
 
 def cell(number: float) -> float:
-    """Return a length told in cells."""
+    """Return the length of a number of cells."""
     return number * CELL
 
 
 def cells(low: float, high: float) -> Range:
-    """Return a range told in cells."""
+    """Return the range between two lengths in cells."""
     return cell(low), cell(high)
 
 
 def inset(extent: Range, by: float = 1.0) -> Range:
-    """Return a range smaller by so many cells at both ends."""
+    """Return a range that is shorter by `by` cells at both ends."""
     return extent[0] + cell(by), extent[1] - cell(by)
 
 
@@ -44,7 +44,22 @@ def floor(
     texture: float = 1.0,
     textureless: Iterable[tuple[Range, Range]] = (),
 ) -> Scene:
-    """Add a level surface; openings and places without texture are ranges of x and y."""
+    """Return the scene with one more level surface.
+
+    Parameters
+    ----------
+    scene : Scene
+    x, y : tuple of float
+        Least and greatest x and y.
+    z : float
+        Height.
+    openings : iterable of (range of x, range of y)
+        Where nothing is.
+    texture : float
+        Probability, 0 to 1, that a camera finds a feature at a point.
+    textureless : iterable of (range of x, range of y)
+        Where no camera finds a feature.
+    """
 
     def own(parts: Iterable[tuple[Range, Range]]) -> list[Rectangle]:
         return [
@@ -62,7 +77,7 @@ def floor(
 
 
 def ramp(scene: Scene, x: Range, y: Range, z: Range, *, texture: float = 1.0) -> Scene:
-    """Add a slope that rises (or falls) from ``z[0]`` at ``x[0]`` to ``z[1]`` at ``x[1]``."""
+    """Return the scene with a slope from height ``z[0]`` at ``x[0]`` to ``z[1]`` at ``x[1]``."""
     grade = (z[1] - z[0]) / (x[1] - x[0])
     size = (x[1] - x[0], y[1] - y[0])
     centre = (_middle(x), _middle(y), _middle(z))
@@ -79,7 +94,22 @@ def wall(
     openings: Iterable[tuple[Range, Range]] = (),
     texture: float = 1.0,
 ) -> Scene:
-    """Add a wall from one place to another; openings are ranges from `begin` on and of z."""
+    """Return the scene with a wall from one place to another.
+
+    Parameters
+    ----------
+    scene : Scene
+    begin, end : tuple of float
+        x and y of its ends.
+    z : tuple of float
+        Heights of its lower and its upper edge at `begin`.
+    grade : float
+        How far both edges rise for each unit of its length.
+    openings : iterable of (range along the wall, range of z)
+        Where nothing is: distances from `begin`, and heights as at `begin`.
+    texture : float
+        Probability, 0 to 1, that a camera finds a feature at a point.
+    """
     across, up = end[0] - begin[0], end[1] - begin[1]
     length = hypot(across, up)
     centre = (_middle((begin[0], end[0])), _middle((begin[1], end[1])))
@@ -95,7 +125,7 @@ def wall(
 
 
 def walls(scene: Scene, x: Range, y: Range, z: Range, *, texture: float = 1.0) -> Scene:
-    """Add four walls around a rectangle."""
+    """Return the scene with four walls around a rectangle of x and y, from ``z[0]`` to ``z[1]``."""
     (x0, x1), (y0, y1) = x, y
     corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
     for begin, end in zip(corners, corners[1:] + corners[:1], strict=True):
@@ -104,13 +134,23 @@ def walls(scene: Scene, x: Range, y: Range, z: Range, *, texture: float = 1.0) -
 
 
 def block(scene: Scene, x: Range, y: Range, z: Range, *, roof_texture: float = 1.0) -> Scene:
-    """Add a house as a craft sees it from outside: walls half a cell inside, and a flat roof."""
+    """Return the scene with a house: a flat roof at ``z[1]``, walls half a cell inside its edge."""
     scene = walls(scene, inset(x, 0.5), inset(y, 0.5), z)
     return floor(scene, x, y, z[1], texture=roof_texture)
 
 
 def look_around(centre: Vector, reach_x: float, reach_y: float, tilt: float = 75.0) -> list[Leg]:
-    """Return legs that cross a room both ways, along x and along y, looking ahead."""
+    """Return legs that cross a room both ways, along x and along y, the camera looking ahead.
+
+    Parameters
+    ----------
+    centre : tuple of float
+        x, y, z of the middle of all legs.
+    reach_x, reach_y : float
+        How far the legs along x and those along y go to either side of it.
+    tilt : float
+        As in `Leg`, in degrees.
+    """
     x, y, z = centre
     west, east, south, north = x - reach_x, x + reach_x, y - reach_y, y + reach_y
     return [

@@ -1,4 +1,4 @@
-"""The scenes that there are, by number and name, and the one dimension each leaves open."""
+"""The preset scenes, by number and name, and the one dimension that some leave open."""
 
 from __future__ import annotations
 
@@ -14,7 +14,17 @@ LARGEST_VILLAGE = 500
 
 
 class Dimension(NamedTuple):
-    """The crucial dimension of a scene: what it is, its default, and its range."""
+    """The crucial dimension of a scene: what it is, its default, and its range.
+
+    Attributes
+    ----------
+    what : str
+        What it measures, in words.
+    default : float
+        The value where none is given, in the unit of the scene.
+    above, high : float
+        It must be greater than `above`, and at most `high`.
+    """
 
     what: str
     default: float
@@ -29,12 +39,15 @@ class Dimension(NamedTuple):
 
 @dataclass(frozen=True)
 class Preset:
-    """A scene to be had by name; `make` takes the dimension where there is one.
+    """A scene that is made by name.
 
     Attributes
     ----------
     name, summary : str
+        Its name, and a line on what it is.
     make : callable
+        Returns the scene. Takes the value of the dimension where there is one; that of the
+        village, its size.
     dimension : Dimension or None
         What `add_param` sets.
     number : int or None
@@ -119,7 +132,7 @@ def preset(type_: str) -> Preset:
     Raises
     ------
     UsageError
-        Where there is none of that name.
+        Where there is no such preset.
     """
     for candidate in SCENE_PRESETS:
         if type_ == candidate.name or (candidate.number and type_ == str(candidate.number)):
@@ -134,16 +147,17 @@ def make(type_: str, add_param: float | None = None, size: int | None = None) ->
     Parameters
     ----------
     type_ : str
-        Its name or the thesis's number.
+        The preset's name or the thesis's number.
     add_param : float, optional
-        Its crucial dimension.
+        Its crucial dimension, in the unit of the scene.
     size : int, optional
         Houses along each side of the village; 4 by default.
 
     Raises
     ------
     UsageError
-        Where there is no such scene, or it does not take what is given, or not that much.
+        Where there is no such preset, it does not take the argument given, or the argument is out
+        of range.
     """
     chosen = preset(type_)
     if chosen.make is more_scenes.village:

@@ -1,4 +1,4 @@
-"""The way a craft flies, and where its camera looks: a survey from above, then legs of its own."""
+"""The route of a craft and where its camera looks: a survey from above, then the scene's legs."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ from mlscli.errors import UsageError
 from mlscli.runtime.arrays import Float64
 from mlscli.scenes.surfaces import Leg, Scene
 
-# In heights of the survey over the top of the scene.
+# Distance of the lanes, and of the keyframes, in heights of the survey above the scene's top.
 LANE, STEP = 1.5, 0.5
 MAX_POSES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class CameraPoses:
-    """Where the craft was at each keyframe, and how it held its camera.
+    """Positions of the craft and directions of its camera, one for each keyframe.
 
     Attributes
     ----------
     position : float64 (K, 3)
+        Position of the craft, in the unit of the scene.
     yaw, tilt : float64 (K,)
-        Radians: where it looks, from x towards y; how far it looks up from straight down.
+        In radians: the camera's horizontal direction, from x towards y; how far it looks up from
+        straight down.
     """
 
     position: Float64
@@ -34,7 +36,7 @@ class CameraPoses:
 
     @property
     def direction(self) -> Float64:
-        """The unit vector (K, 3) along which each camera looks."""
+        """The unit vectors along which the camera looks, float64 (K, 3)."""
         level = np.sin(self.tilt)
         return np.column_stack(
             (level * np.cos(self.yaw), level * np.sin(self.yaw), -np.cos(self.tilt))
@@ -42,9 +44,10 @@ class CameraPoses:
 
     @property
     def attitude(self) -> Float64:
-        """The quaternion (K, 4), as x, y, z, w, of the craft: heading, nose up by the tilt.
+        """The attitudes of the craft, quaternions x, y, z, w, float64 (K, 4).
 
-        The camera is fixed to the craft and looks straight down from it where it is level.
+        The craft heads along the yaw, its nose up by the tilt: the camera is fixed to it and looks
+        straight down where the craft is level.
         """
         yaw, pitch = self.yaw / 2, -self.tilt / 2
         cos_yaw, sin_yaw, cos_pitch, sin_pitch = (
@@ -62,7 +65,8 @@ def fly_route(scene: Scene, height: float) -> CameraPoses:
     ----------
     scene : Scene
     height : float
-        Of the lanes above the scene's top. They are 1.5 heights apart, keyframes half a height.
+        Height of the lanes above the scene's top, in the unit of the scene. Lanes are at most 1.5
+        heights apart, keyframes at most half a height.
 
     Raises
     ------
@@ -83,7 +87,10 @@ def fly_route(scene: Scene, height: float) -> CameraPoses:
 
 
 def survey(scene: Scene, height: float) -> list[Leg]:
-    """Return lanes there and back over the scene, looking straight down, half a lane beyond it."""
+    """Return parallel lanes over the scene, flown in turns there and back, looking straight down.
+
+    They reach half the distance of two lanes beyond the scene on each side.
+    """
     low, high = scene.bounds
     lane, z = LANE * height, float(high[2]) + height
     longer = int(high[1] - low[1] > high[0] - low[0])

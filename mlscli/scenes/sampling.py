@@ -1,4 +1,4 @@
-"""Points of a grid on every surface, and the places where a camera finds none of them."""
+"""Points of a grid on every surface, and holes in the texture, where no feature is found."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ MAX_POINTS = 200_000_000
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Points on surfaces, exact.
+    """Points on surfaces, without noise.
 
     Attributes
     ----------
     xyz : float64 (N, 3)
+        Coordinates in the unit of the scene.
     surface : int32 (N,)
-        Which surface of the scene each is on.
+        Index of the surface of the scene that each point is on.
     texture : float64 (N,)
-        The chance that a camera finds a feature there.
+        Probability, 0 to 1, that a camera finds a feature at the point.
     """
 
     xyz: Float64
@@ -35,8 +36,8 @@ class Samples:
 def sample(scene: Scene, spacing: float) -> Samples:
     """Return the points of a grid on every surface.
 
-    The grid begins half a step from each edge; its steps are at most `spacing`, so that they
-    divide the edges evenly.
+    The steps of the grid are at most `spacing` and divide the edges evenly; it begins half a step
+    from each edge.
 
     Raises
     ------
@@ -62,9 +63,18 @@ def sample(scene: Scene, spacing: float) -> Samples:
 def outside_holes(
     scene: Scene, xyz: Float64, count: int, diameter: float, rng: np.random.Generator
 ) -> Bool:
-    """Tell which points lie in none of `count` round places without texture.
+    """Return which points lie outside all holes in the texture, bool (N,).
 
-    The places are balls whose centres are spread evenly over the area of all surfaces.
+    Parameters
+    ----------
+    scene : Scene
+    xyz : float64 (N, 3)
+        The points, in the unit of the scene.
+    count : int
+        How many holes there are: balls with centres uniform over the area of all surfaces.
+    diameter : float
+        Diameter of the balls, in the unit of the scene.
+    rng : numpy.random.Generator
     """
     kept = np.ones(len(xyz), dtype=np.bool_)
     if not count:
@@ -81,12 +91,13 @@ def outside_holes(
 
 
 def _steps(surface: Surface, spacing: float) -> tuple[int, int]:
+    """Return how many points the grid of a surface has along its two edges."""
     along, across = (max(1, math.ceil(length / spacing - 1e-9)) for length in surface.lengths)
     return along, across
 
 
 def _grid(surface: Surface, along: int, across: int) -> tuple[Float64, Float64]:
-    """Return the points of a surface and the texture at each."""
+    """Return the points of a surface, (N, 3), and the texture at each, (N,)."""
     u = np.repeat((np.arange(along) + 0.5) / along, across)
     v = np.tile((np.arange(across) + 0.5) / across, along)
     open_ = _inside(surface, surface.openings, u, v)
@@ -100,6 +111,7 @@ def _grid(surface: Surface, along: int, across: int) -> tuple[Float64, Float64]:
 
 
 def _inside(surface: Surface, parts: tuple[Rectangle, ...], u: Float64, v: Float64) -> Bool:
+    """Return which points, given as shares u, v (N,) of the edges, lie in one of the parts."""
     length, width = surface.lengths
     a, b = u * length, v * width
     inside = np.zeros(len(u), dtype=np.bool_)

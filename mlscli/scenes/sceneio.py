@@ -1,4 +1,4 @@
-"""Scenes in YAML: surfaces by the parameters of the building blocks, and what is flown near them.
+"""Scenes in YAML: surfaces by the parameters of the building blocks, and legs flown near them.
 
 A file is checked as a whole. Every fault in it is reported at once, each with its file, line and
 column, what was found and what would be right. See ``docs/scenes.md``.
@@ -32,7 +32,21 @@ MAX_SCENE_BYTES = 50_000_000
 
 
 class _Kind(NamedTuple):
-    """What a key takes: so many numbers, or a list of so many each, within a range."""
+    """What a key takes: a number, a tuple of numbers or a list of tuples, within a range.
+
+    Attributes
+    ----------
+    numbers : int
+        How many numbers a tuple has; 1: a single number.
+    form : str
+        What the numbers of a tuple are, for messages; empty for a single number.
+    least, most : float
+        The range of each number, inclusive.
+    above : float
+        What each number must exceed.
+    many : bool
+        Whether the key takes a list of tuples.
+    """
 
     numbers: int
     form: str
@@ -89,14 +103,14 @@ _TOP_KEYS = ("surfaces", "legs")
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
-    """Read a scene; its name is the file's.
+    """Read a scene from a file; its name is the file's, without the ending.
 
     Raises
     ------
     InputError
-        Where the file cannot be read or is no text.
+        Where the file cannot be read, is too large, or is not UTF-8 text.
     ConfigError
-        With every fault in it.
+        Where the scene is at fault; lists every fault in it.
     """
     source = Path(path)
     try:
@@ -118,7 +132,13 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
 
 
 def parse_scene(text: str, name: str) -> Scene:
-    """Read a scene from a text that messages call `name`; see `load_scene`."""
+    """Read a scene from a text; messages call the text `name`.
+
+    Raises
+    ------
+    ConfigError
+        Where the scene is at fault; lists every fault in it.
+    """
     try:
         root, faults = read_yaml(text, name)
     except UnreadableYaml as error:
@@ -159,7 +179,7 @@ class _SceneReader:
         return scene.with_legs(*filter(None, [self.leg(item) for item in legs]))
 
     def surface(self, scene: Scene, item: Node) -> Scene:
-        """Add the surface that an item ``horizontal: {...}`` or ``vertical: {...}`` tells."""
+        """Add the surface of an item ``horizontal: {...}`` or ``vertical: {...}``."""
         if not isinstance(item, MapNode) or len(item.entries) != 1:
             if not isinstance(item, RefusedNode):
                 right = "expected one of horizontal: {...} or vertical: {...} for each '-'"
@@ -195,7 +215,7 @@ class _SceneReader:
     def values(
         self, owner: Key, node: Node, kinds: dict[str, _Kind], needed: Iterable[str]
     ) -> dict[str, Any] | None:
-        """Return the values given by key; None where one is at fault or missing."""
+        """Return the values by key; None where one is at fault, or a needed one is missing."""
         before = len(self.faults)
         if not isinstance(node, MapNode):
             if not isinstance(node, RefusedNode):
@@ -214,7 +234,7 @@ class _SceneReader:
         return given if len(self.faults) == before else None
 
     def numbers(self, path: str, node: Node, kind: _Kind) -> Any:
-        """Return a number, a tuple of them, or a list of tuples."""
+        """Return a number, a tuple of them, or a list of tuples; None for what is at fault."""
         if kind.many:
             single = kind._replace(many=False)
             return [self.numbers(path, item, single) for item in self.items(node, path)]

@@ -1,7 +1,7 @@
 """Scenes: plane rectangles with openings, put together from horizontal and vertical ones.
 
 The building blocks are those of the thesis's section 5.2: a surface has a position, a size, an
-orientation, a grade, and a Gaussian scatter of the points around those of its grid.
+orientation, a grade, and a Gaussian scatter of its points. Lengths are in the unit of the scene.
 """
 
 from __future__ import annotations
@@ -19,7 +19,15 @@ Vector = tuple[float, float, float]
 
 
 class Rectangle(NamedTuple):
-    """A part of a surface, in lengths from its corner: along `along`, and along `across`."""
+    """A part of a surface.
+
+    Attributes
+    ----------
+    a_low, a_high : float
+        Where it begins and ends along the edge `along`: distances from the surface's corner.
+    b_low, b_high : float
+        The same along the edge `across`.
+    """
 
     a_low: float
     a_high: float
@@ -28,7 +36,15 @@ class Rectangle(NamedTuple):
 
 
 class Scatter(NamedTuple):
-    """Standard deviations of a point's displacement: in x and in y, and in z."""
+    """Standard deviations of a point's displacement.
+
+    Attributes
+    ----------
+    horizontal : float
+        In x and in y.
+    vertical : float
+        In z.
+    """
 
     horizontal: float
     vertical: float
@@ -40,11 +56,11 @@ class Leg(NamedTuple):
     Attributes
     ----------
     start, end : tuple of float
-        Where it begins and ends.
+        x, y, z of its ends.
     tilt : float
         How far the camera looks up from straight down, in degrees; 90 is level.
     yaw : float
-        To which side of the way ahead it looks, in degrees; 90 is to the left.
+        Angle from the direction of flight to that of the camera, in degrees; 90 is to the left.
     """
 
     start: Vector
@@ -57,26 +73,27 @@ class Leg(NamedTuple):
 class Surface:
     """A plane rectangle: ``corner + a * along + b * across`` for a, b from 0 to 1.
 
-    Of a surface that stands upright, `across` points straight up; `along` may rise, which makes
-    a parallelogram of it.
+    On an upright surface, `across` points straight up; `along` may rise, which makes the surface a
+    parallelogram.
 
     Attributes
     ----------
     corner, along, across : tuple of float
-        A corner and the edges that leave it.
+        x, y, z of a corner, and of the edges that leave it.
     openings : tuple of Rectangle
         Where nothing is: windows, holes.
     texture : float
-        Share of its points where a camera finds features; 0 is a white roof, there but unseen.
+        Probability, 0 to 1, that a camera finds a feature at a point. A surface of texture 0, such
+        as a white roof, has no points, but hides what is behind it.
     textureless : tuple of Rectangle
-        Parts in which no camera finds any.
+        Parts in which no camera finds a feature.
     scatter : Scatter or None
-        The scatter of its own points; None: that of the flight.
+        The scatter of its points; None: that of the flight.
 
     Raises
     ------
     ValueError
-        Where it has no area, is not finite, or stands upright on another edge than `along`.
+        Where it has no area, is not finite, or is upright and `across` does not point straight up.
     """
 
     corner: Vector
@@ -97,18 +114,18 @@ class Surface:
 
     @property
     def normal(self) -> Vector:
-        """The cross product of the edges; its length is the area."""
+        """The cross product of `along` and `across`; its length is the area."""
         (ux, uy, uz), (vx, vy, vz) = self.along, self.across
         return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
     @property
     def upright(self) -> bool:
-        """Whether it stands upright."""
+        """Whether the surface is upright: its normal is level."""
         return abs(self.normal[2]) <= 1e-12 * math.hypot(*self.normal)
 
     @property
     def lengths(self) -> tuple[float, float]:
-        """The lengths of its edges."""
+        """The lengths of `along` and `across`."""
         return math.hypot(*self.along), math.hypot(*self.across)
 
 
@@ -121,8 +138,8 @@ class Scene:
     name : str
     surfaces : tuple of Surface
     legs : tuple of Leg
-        What it flies after it has surveyed the whole from above: a look under a bridge, a way
-        through a tunnel.
+        What the craft flies after the survey from above: a look under a bridge, a way through a
+        tunnel.
     """
 
     name: str
@@ -134,19 +151,19 @@ class Scene:
         return replace(self, surfaces=self.surfaces + surfaces)
 
     def with_legs(self, *legs: Leg) -> Scene:
-        """Return the scene with more to fly."""
+        """Return the scene with more legs."""
         return replace(self, legs=self.legs + legs)
 
     @property
     def bounds(self) -> tuple[Float64, Float64]:
-        """The least and the greatest x, y, z of all surfaces."""
+        """The least and the greatest x, y, z of all surfaces, float64 (3,) each."""
         corner, along, across = edges(self.surfaces)
         corners = np.concatenate([corner, corner + along, corner + across, corner + along + across])
         return corners.min(axis=0), corners.max(axis=0)
 
 
 def edges(surfaces: Iterable[Surface]) -> tuple[Float64, Float64, Float64]:
-    """Return corners and edges of surfaces as arrays (S, 3)."""
+    """Return `corner`, `along` and `across` of S surfaces, float64 (S, 3) each."""
     rows = [(surface.corner, surface.along, surface.across) for surface in surfaces]
     corner, along, across = np.array(rows, dtype=np.float64).reshape(-1, 3, 3).transpose(1, 0, 2)
     return corner, along, across
@@ -167,20 +184,26 @@ def add_horizontal(
     texture: float = 1.0,
     textureless: Iterable[Rectangle] = (),
 ) -> Scene:
-    """Return the scene with a horizontal or sloping surface more.
+    """Return the scene with one more horizontal or sloping surface.
 
     Parameters
     ----------
+    scene : Scene
     position : tuple of float
-        Its centre.
+        x, y, z of its centre.
     size : tuple of float
         Length and width, as seen from above.
     orientation : float
         The direction of its length, in degrees from the x axis towards the y axis.
     grade : float
-        How far it rises for each unit of its length.
+        How far it rises for each unit of its length, as seen from above.
     scatter, openings, texture, textureless
-        As in `Surface`.
+        As in `Surface`; the edge `along` is the length, `across` the width.
+
+    Raises
+    ------
+    ValueError
+        As `Surface`.
     """
     length, width = size
     cos, sin = _direction(orientation)
@@ -203,20 +226,26 @@ def add_vertical(
     texture: float = 1.0,
     textureless: Iterable[Rectangle] = (),
 ) -> Scene:
-    """Return the scene with an upright surface more.
+    """Return the scene with one more upright surface.
 
     Parameters
     ----------
+    scene : Scene
     position : tuple of float
-        Its centre.
+        x, y, z of its centre.
     size : tuple of float
         Length, as seen from above, and height.
     orientation : float
         The direction of its length, in degrees from the x axis towards the y axis.
     grade : float
-        How far its lower and its upper edge rise for each unit of its length.
+        How far its lower and its upper edge rise for each unit of its length, as seen from above.
     scatter, openings, texture, textureless
-        As in `Surface`.
+        As in `Surface`; the edge `along` is the length, `across` the height.
+
+    Raises
+    ------
+    ValueError
+        As `Surface`.
     """
     length, height = size
     cos, sin = _direction(orientation)
@@ -227,7 +256,10 @@ def add_vertical(
 
 
 def _direction(degrees: float) -> tuple[float, float]:
-    """Return cosine and sine, exact for quarter turns: walls along an axis stay in their cell."""
+    """Return cosine and sine of an angle, exact for quarter turns.
+
+    So rounding moves no wall along an axis into the next cell.
+    """
     quarters = degrees / 90.0
     if quarters == round(quarters):
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]
@@ -244,6 +276,17 @@ def _centred(
     textureless: Iterable[Rectangle],
     scatter: Scatter | None,
 ) -> Surface:
+    """Return a surface by its centre.
+
+    Parameters
+    ----------
+    centre : tuple of float
+        x, y, z of its centre.
+    along, across : tuple of float
+        x, y, z of its edges.
+    openings, texture, textureless, scatter
+        As in `Surface`.
+    """
     x, y, z = (c - (u + v) / 2 for c, u, v in zip(centre, along, across, strict=True))
     return Surface((x, y, z), along, across, tuple(openings), texture, tuple(textureless), scatter)
 
@@ -252,7 +295,7 @@ def _centred(
 
 
 def scene_to_json(scene: Scene) -> dict[str, Any]:
-    """Return name and surfaces of a scene as JSON can hold them: what its truth depends on."""
+    """Return name and surfaces of a scene, ready for JSON: all that its truth depends on."""
     rows = []
     for surface in scene.surfaces:
         row: list[Any] = [*surface.corner, *surface.along, *surface.across]
@@ -261,12 +304,12 @@ def scene_to_json(scene: Scene) -> dict[str, Any]:
 
 
 def scene_from_json(value: Mapping[str, Any]) -> Scene:
-    """Return the scene that `scene_to_json` wrote.
+    """Return the scene that `scene_to_json` wrote; its surfaces have full texture, no scatter.
 
     Raises
     ------
     ValueError
-        Where that is not what `value` is.
+        Where `value` is not such a scene.
     """
     try:
         surfaces = []

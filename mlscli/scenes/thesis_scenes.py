@@ -1,6 +1,6 @@
-"""The scenes of the thesis: its five artificial set-ups (5.2), and its recordings as it tells them.
+"""The scenes of the thesis: its five artificial set-ups (5.2), and its recordings as described.
 
-Lengths are at the thesis's scale, whose cells are 0.15 wide.
+Lengths are at the thesis's scale, at which cells are 0.15 wide.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from mlscli.scenes.surfaces import Leg, Scene
 
 
 def bridge(height: float) -> Scene:
-    """Return a horizontal surface over a valley of surfaces (5.2, number 1)."""
+    """Return a deck at `height` over the floor of a valley with slopes (5.2, number 1)."""
     scene = Scene("bridge")
     scene = ramp(scene, cells(-20, -6), cells(-20, 20), (0.6, 0.0))
     scene = floor(scene, cells(-6, 6), cells(-20, 20), 0.0)
@@ -24,7 +24,7 @@ def bridge(height: float) -> Scene:
 
 
 def bridge_walls(height: float) -> Scene:
-    """Return a road on banks with walls, and a narrow underpass (5.2, number 2)."""
+    """Return a road at `height`, on banks with walls, and a narrow underpass (5.2, number 2)."""
     scene = Scene("bridge-walls")
     inside = [(cells(-20, -6), cells(-5, 5)), (cells(6, 20), cells(-5, 5))]
     scene = floor(scene, cells(-20, 20), cells(-20, 20), 0.0, openings=inside)
@@ -41,7 +41,7 @@ def bridge_walls(height: float) -> Scene:
 
 
 def house(diameter: float) -> Scene:
-    """Return ground and a part of a house, a hole in the ground and one in the wall (number 3)."""
+    """Return ground and part of a house, a square hole `diameter` wide in each (5.2, number 3)."""
     scene, half = Scene("house"), diameter / 2
     hole = ((-half, half), (-1.5 - half, -1.5 + half))
     scene = floor(scene, cells(-20, 20), cells(-20, 20), 0.0, openings=[hole])
@@ -62,7 +62,7 @@ def house(diameter: float) -> Scene:
 
 
 def planes(offset: float) -> Scene:
-    """Return three planes, one of them tilted (5.2, number 4)."""
+    """Return three planes, the middle one at height `offset`, one tilted (5.2, number 4)."""
     scene = Scene("planes")
     scene = floor(scene, cells(-20, -7), cells(-20, 20), 0.0)
     scene = floor(scene, cells(-7, 7), cells(-20, 20), offset)
@@ -70,7 +70,7 @@ def planes(offset: float) -> Scene:
 
 
 def planes_walls(offset: float) -> Scene:
-    """Return three planes, one of them tilted, connected by walls (5.2, number 5)."""
+    """Return three planes as in `planes`, connected by walls (5.2, number 5)."""
     scene = Scene("planes-walls")
     scene = floor(scene, cells(-20, -6), cells(-20, 20), 0.0)
     scene = floor(scene, cells(-7, 7), cells(-20, 20), offset)
@@ -111,10 +111,10 @@ def gym() -> Scene:
 
 
 def bridge_gap() -> Scene:
-    """Return a bridge whose side nobody saw, which can be closed along it or across it (6.10).
+    """Return a bridge over a creek; a part of its deck is without texture, a gap in maps (6.10).
 
-    Along the creek a weir lies near enough to the gap to be joined with the deck; across it, the
-    banks are. The deck is what is truly there.
+    Along the creek, closing the gap joins the deck with a weir that lies lower; across the creek,
+    it joins the two banks, at the height of the true deck.
     """
     scene = Scene("bridge-gap")
     bed, weir = -0.9, -0.3
@@ -168,7 +168,7 @@ def village() -> Scene:
 
 
 def creek_and_bridge(scene: Scene, bed: float = -0.9) -> Scene:
-    """Add a creek along y, between walls, and a bridge on the level of its banks."""
+    """Return the scene with a creek along y, between walls, and a bridge level with its banks."""
     scene = floor(scene, cells(-9, 9), cells(-40, 40), bed, texture=0.5)
     for x in (cell(-8.5), cell(8.5)):
         scene = wall(scene, (x, cell(-40)), (x, cell(40)), (bed, 0.0))

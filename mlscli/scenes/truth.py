@@ -1,14 +1,14 @@
-"""The exact truth: the map that a scene's surfaces are, without a point measured.
+"""The exact truth: the map computed from a scene's surfaces instead of measured points.
 
-Per cell, of the surfaces in one plane:
+In each cell, surfaces that lie in one plane count together:
 
-- level or sloping ones are there where they cover at least half of the cell, with the heights of
-  the part they cover;
-- upright ones are there at the heights at which at least half a cell's side of them runs through
+- level or sloping ones are present where they cover at least half of the cell, with the heights of
+  the part that they cover;
+- upright ones are present at the heights at which at least half a cell's side of them runs through
   the cell: not in a window.
 
-What is there becomes patches by the rule for points, which all lie on the surfaces, evenly: linked
-by `gap_size`, horizontal or vertical by their spread. Texture, noise and the flight do not matter.
+These parts become patches by the rule for points, as if points lay evenly on them: linked by
+`gap_size`, horizontal or vertical by their spread. Texture, noise and flight have no influence.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
 from mlscli.version import __version__
 
 MAX_TRUTH_CELLS = 50_000_000
-# Half, but for rounding: a wall in the middle of a cell that ends there counts.
+# Half, less a margin for rounding: a wall counts in a cell in whose middle it ends.
 _HALF = 0.5 - 1e-6
 
 
 def truth(
     scene: Scene, cell_size: float, gap_size: float, thickness: float, frame_id: str = "map"
 ) -> SurfaceMap:
-    """Return the map that the surfaces of a scene are.
+    """Return the true map of a scene.
 
     Parameters
     ----------
     scene : Scene
     cell_size, gap_size, thickness : float
-        As in `SurfaceMap`.
+        As in `SurfaceMap`, in the unit of the scene.
     frame_id : str
         Name of the map frame.
 
     Returns
     -------
     SurfaceMap
-        All patches measured, with a count of 1, by the one keyframe of a route that is not known.
+        All patches are measured, with a count of 1, by keyframe 0, whose row of the route is NaN.
         ``meta["scene"]`` holds the surfaces, for `truth_from_meta`.
 
     Raises
@@ -106,6 +106,13 @@ def truth_from_meta(
 ) -> SurfaceMap:
     """Return the truth of the scene that a truth map's meta holds, on another grid.
 
+    Parameters
+    ----------
+    meta : mapping
+        ``meta`` of a map that `truth` returned.
+    cell_size, gap_size, thickness : float
+        As in `truth`.
+
     Raises
     ------
     InputError
@@ -140,9 +147,16 @@ def _check(scene: Scene, cell_size: float, gap_size: float, thickness: float) ->
 
 
 def _covered(parts: Footprints) -> tuple[UInt64, Float64, Float64, Float64, Float64, Float64]:
-    """Return cell, lowest, highest, mean, variance and area of what is covered.
+    """Return the level and sloping surfaces that are present, by cell and plane.
 
-    Areas are in areas of cells, as they are and not as they seem from above.
+    Returns
+    -------
+    keys : uint64 (G,)
+        Packed keys of the cells.
+    low, high, mean, variance : float64 (G,)
+        Of the heights, as in `Footprints`.
+    area : float64 (G,)
+        Area of the surface itself, not of its projection, in areas of a cell.
     """
     order, start = _by_cell_and_plane(parts)
     parts, first = parts.take(order), start[:-1]
@@ -167,7 +181,7 @@ def _covered(parts: Footprints) -> tuple[UInt64, Float64, Float64, Float64, Floa
 def _standing(
     parts: Footprints, cell_size: float
 ) -> tuple[UInt64, Float64, Float64, Float64, Float64, Float64]:
-    """Return the same of what stands."""
+    """Return the upright surfaces that are present, as `_covered` does."""
     order, start = _by_cell_and_plane(parts)
     parts = parts.take(order)
     group, low, high, side = _stretches(start, parts.low, parts.high, parts.share)
@@ -176,7 +190,7 @@ def _standing(
 
 
 def _by_cell_and_plane(parts: Footprints) -> tuple[Int64, Int64]:
-    """Return an order by cell and plane, and where each of their groups begins."""
+    """Return indices (F,) that sort parts by cell and plane, and where groups start, (G + 1,)."""
     keys = pack(parts.ix, parts.iy)
     order = np.lexsort((parts.plane, keys))
     _, number = np.unique(keys, return_inverse=True)
@@ -187,7 +201,19 @@ def _by_cell_and_plane(parts: Footprints) -> tuple[Int64, Int64]:
 def pool(
     start: Int64, weight: Float64, mean: Float64, variance: Float64
 ) -> tuple[Float64, Float64]:
-    """Return mean and variance of runs of parts, each weighing as much as it covers."""
+    """Return the weighted mean and variance of each group of parts.
+
+    Parameters
+    ----------
+    start : int64 (G + 1,)
+        The parts of group g are ``start[g]`` to ``start[g + 1]``; no group is empty.
+    weight, mean, variance : float64 (F,)
+        Weight, mean and variance of each part.
+
+    Returns
+    -------
+    mean, variance : float64 (G,)
+    """
     if len(start) == 1:
         return np.empty(0), np.empty(0)
     first = start[:-1]
@@ -201,12 +227,25 @@ def pool(
 def _stretches(
     start: Int64, low: Float64, high: Float64, share: Float64
 ) -> tuple[Int64, Float64, Float64, Float64]:
-    """Return the heights at which the parts of each group are half a side long together.
+    """Return the ranges of height in which the parts of a group are half a cell's side long.
+
+    Parameters
+    ----------
+    start : int64 (G + 1,)
+        The parts of group g are ``start[g]`` to ``start[g + 1]``.
+    low, high : float64 (F,)
+        Lowest and highest height of each part.
+    share : float64 (F,)
+        Length of each part, in sides of a cell.
 
     Returns
     -------
-    group, low, high, side : arrays (T,)
-        Of each stretch of heights: its group, its ends, and its area by sides of cells.
+    group : int64 (T,)
+        The group of each range.
+    low, high : float64 (T,)
+        Its ends.
+    side : float64 (T,)
+        Area of the parts within it, divided by the side of a cell.
     """
     found = 0
     group = np.empty(2 * len(low), dtype=np.int64)

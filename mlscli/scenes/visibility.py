@@ -1,7 +1,7 @@
-"""Which keyframe is the first to see a point: in its cone, in its range, and nothing between.
+"""Visibility: the first keyframe with a point in its cone and range, and no surface in between.
 
-A ray from a camera to a point is tested against the surfaces near it only: a coarse grid seen from
-above holds, for each of its squares, the surfaces that reach into it, and another the cameras.
+Two coarse grids in x and y save tests: one lists, for each of its squares, the surfaces that reach
+into it, so that a ray is tested only against surfaces on its way; the other lists the cameras.
 """
 
 from __future__ import annotations
@@ -16,22 +16,24 @@ from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
 from mlscli.scenes.surfaces import Scene, edges
 
-# A ray ends this share of its length before the point: where surfaces meet, none hides the seam.
+# A ray ends this share of its length before the point, so that surfaces that meet in an edge do not
+# hide points on it.
 _SHORT_OF_END = 1e-7
 
 
 class Squares(NamedTuple):
-    """Things by the squares of a coarse grid that they reach into.
+    """Surfaces or cameras by the squares of a coarse grid that they reach into.
 
     Attributes
     ----------
     x, y, side : float
-        The grid's corner, and the side of its squares.
+        Least x and y of the grid, and the side of its squares, in the unit of the scene.
     columns, rows : int
         How many squares there are along x and along y.
     start : int64 (columns * rows + 1,)
-        The members of square s are ``start[s]`` to ``start[s + 1]``, ascending.
+        The members of square ``s = column * rows + row`` are ``start[s]`` to ``start[s + 1]``.
     members : int32 (M,)
+        Indices of surfaces or cameras, ascending in each square.
     """
 
     x: float
@@ -44,18 +46,21 @@ class Squares(NamedTuple):
 
 
 class Obstacles(NamedTuple):
-    """Surfaces as a ray meets them.
+    """Surfaces, prepared for intersection with rays.
 
     Attributes
     ----------
     corner, normal : float64 (S, 3)
+        As in `Surface`.
     to_u, to_v : float64 (S, 3)
-        The products with a point's way from the corner are its u and v on the surface, 0 to 1.
+        Their dot products with the vector from the corner to a point are the point's u and v on
+        the surface, 0 to 1 along its edges.
     start : int64 (S + 1,)
         The openings of surface s are ``start[s]`` to ``start[s + 1]``.
     openings : float64 (O, 4)
         Least and greatest u, least and greatest v.
     squares : Squares
+        The surfaces by squares.
     """
 
     corner: Float64
@@ -76,25 +81,26 @@ def first_seen(
     field_of_view: float,
     reach: float,
 ) -> Int32:
-    """Return the number of the first camera that sees each point; -1 where none does.
+    """Return the number of the first camera that sees each point, int32 (N,); -1: none.
 
     Parameters
     ----------
     scene : Scene
-        Nothing is seen through its surfaces, but through their openings.
+        Its surfaces hide points, except through their openings.
     points : float64 (N, 3)
-        On the surfaces.
+        Points on the surfaces, in the unit of the scene.
     surface : int32 (N,)
-        The surface that each point is on; it does not hide it.
+        Index of the surface that each point is on, which does not hide the point.
     cameras, directions : float64 (K, 3)
-        Where cameras are, in the order of time, and unit vectors along which they look.
+        Positions of the cameras, in the order of time, and unit vectors along which they look.
     field_of_view : float
         The whole angle of the cone that a camera sees, in degrees.
     reach : float
-        How far a camera sees.
+        How far a camera sees, in the unit of the scene.
     """
     walls = _walls(scene)
-    # Squares as wide as a camera sees: those of a point and around it hold all that may see it.
+    # Squares as wide as a camera sees: a point's square and the eight around it hold all cameras
+    # that may see it.
     nearby = _squares(cameras[:, :2], cameras[:, :2], reach)
     cosine = math.cos(math.radians(min(field_of_view, 360.0) / 2))
     first = np.empty(len(points), dtype=np.int32)
@@ -110,6 +116,7 @@ def first_seen(
 
 
 def _walls(scene: Scene) -> Obstacles:
+    """Return the surfaces of a scene, upright or not, as obstacles."""
     corner, along, across = edges(scene.surfaces)
     normal = np.cross(along, across)
     square = (normal * normal).sum(axis=1)[:, None]
@@ -137,10 +144,18 @@ def _walls(scene: Scene) -> Obstacles:
 
 
 def _squares(low: Float64, high: Float64, side: float) -> Squares:
-    """Sort things with the extents (M, 2) given into squares."""
+    """Sort things into squares by their extents.
+
+    Parameters
+    ----------
+    low, high : float64 (M, 2)
+        Least and greatest x and y of each thing.
+    side : float
+        Side of the squares; larger where there would be too many.
+    """
     x, y = low.min(axis=0).tolist()
     far_x, far_y = high.max(axis=0).tolist()
-    # However small the side asked for, the squares stay few enough.
+    # At most about 1024 squares along each axis.
     side = max(side, (far_x - x) / 1024, (far_y - y) / 1024)
     columns, rows = int((far_x - x) / side) + 1, int((far_y - y) / side) + 1
     begin = ((low - (x, y)) / side).astype(np.int64)
@@ -166,6 +181,22 @@ def _first_seen(
     nearby: Any,
     walls: Any,
 ) -> Int32:
+    """Return the number of the first camera that sees each point, int32 (N,); -1: none.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+    surface : int32 (N,)
+    cameras, directions : float64 (K, 3)
+    reach : float
+        As in `first_seen`.
+    cosine : float
+        Cosine of half the field of view.
+    nearby : Squares
+        The cameras by squares whose side is at least `reach`.
+    walls : Obstacles
+        All surfaces.
+    """
     first = np.empty(len(points), dtype=np.int32)
     for i in range(len(points)):
         x, y, z = points[i]
@@ -194,14 +225,26 @@ def _first_seen(
 
 @inner
 def _hidden(camera: Float64, dx: float, dy: float, dz: float, own: int, walls: Any) -> bool:
-    """Tell whether a surface other than the point's own stands in the way."""
+    """Return whether a surface hides a point from a camera.
+
+    Parameters
+    ----------
+    camera : float64 (3,)
+        Position of the camera.
+    dx, dy, dz : float
+        From the camera to the point.
+    own : int
+        Index of the surface that the point is on, which does not hide it.
+    walls : Obstacles
+        All surfaces.
+    """
     squares = walls.squares
     x, y = camera[0] - squares.x, camera[1] - squares.y
     side, margin = squares.side, 1e-9 * squares.side
     first = min(max(math.floor(min(x, x + dx) / side), 0), squares.columns - 1)
     last = min(max(math.floor(max(x, x + dx) / side), 0), squares.columns - 1)
     for column in range(first, last + 1):
-        # The part of the way that lies in this column of squares, and its extent in y.
+        # The part of the ray that lies in this column of squares, as shares of its length.
         enter, leave = 0.0, 1.0
         if dx != 0.0:
             one = (column * side - margin - x) / dx
@@ -223,7 +266,19 @@ def _hidden(camera: Float64, dx: float, dy: float, dz: float, own: int, walls: A
 
 @inner
 def _meets(camera: Float64, dx: float, dy: float, dz: float, wall: int, walls: Any) -> bool:
-    """Tell whether the way from the camera goes through a surface, not through an opening."""
+    """Return whether a ray from a camera meets a surface outside its openings.
+
+    Parameters
+    ----------
+    camera : float64 (3,)
+        Position of the camera.
+    dx, dy, dz : float
+        From the camera to the end of the ray.
+    wall : int
+        Index of the surface.
+    walls : Obstacles
+        All surfaces.
+    """
     normal, corner = walls.normal[wall], walls.corner[wall]
     slope = normal[0] * dx + normal[1] * dy + normal[2] * dz
     if slope == 0.0:

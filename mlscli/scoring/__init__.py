@@ -1,7 +1,7 @@
-"""What a map is worth, in numbers: against another map, and against the truth.
+"""The quality of a map in numbers: against another map, and against the truth.
 
-`compare_maps` matches two maps patch by patch; `score` measures what a map found of the true
-surfaces, and how much of what it says is true.
+`compare_maps` matches two maps patch by patch; `score` measures which true surfaces a map has
+found, and which of its patches are correct.
 """
 
 from __future__ import annotations

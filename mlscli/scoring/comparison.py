@@ -1,9 +1,9 @@
 """Two maps, patch by patch.
 
-Patches of the two are matched one to one within a cell: each with the nearest in height, at most
-`gap_size` away, if that finds it the same way. What has no match is in one map only; of those
-that match, the differences of height and depth are told. Neither map is the better one: exchange
-them, and only the names change.
+Patches of the two maps are matched one to one within a cell: two match where each is the other's
+nearest in height, at most `gap_size` away. Patches without a match are in one map only; matched
+ones are compared in height and depth. The comparison is symmetric: exchanging the maps exchanges
+their names only.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 from mlscli.scoring.kernels import match
 
-# Matched patches of two origins: they belong to neither.
+# The group of matched patches whose origins differ.
 CHANGED = "changed"
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How large the differences of some lengths are, whatever their sign.
+    """Statistics of the absolute differences of lengths.
 
     Attributes
     ----------
     rmse, median, p95, maximum : float or None
-        Root of the mean square, median, 95th percentile and maximum; None where there is nothing
-        to compare. In the unit of the map.
+        Root mean square, median, 95th percentile and maximum, in the unit of the map; None where
+        there is nothing to compare.
     beyond : int
-        How many are greater than the tolerance.
+        How many differences are greater than the tolerance.
     """
 
     rmse: float | None
@@ -46,7 +46,7 @@ class Spread:
 
     @classmethod
     def of(cls, differences: Float64, tolerance: float) -> Spread:
-        """Measure differences (N,)."""
+        """Return the statistics of differences, float64 (N,)."""
         if not len(differences):
             return cls(None, None, None, None, 0)
         size = np.abs(differences)
@@ -66,9 +66,9 @@ class Differences:
     Attributes
     ----------
     matched, only_a, only_b : int
-        Patches that both maps have, and that only the first or only the second has.
+        How many patches both maps have, only the first, and only the second.
     heights, depths : Spread
-        Of the matched ones.
+        Differences of the heights and depths of matched patches.
     """
 
     matched: int
@@ -79,7 +79,7 @@ class Differences:
 
     @property
     def beyond(self) -> bool:
-        """Whether one map has a patch that the other has not, or not within the tolerance."""
+        """Whether a patch is in one map only, or differs by more than the tolerance."""
         return any((self.only_a, self.only_b, self.heights.beyond, self.depths.beyond))
 
 
@@ -92,16 +92,16 @@ class Comparison:
     identical : bool
         Whether the maps are equal, bit for bit, in all but route and meta.
     tolerance : float
-        Heights and depths that differ by no more than this pass for equal.
-    grid : mapping
+        Heights and depths that differ by no more than this count as equal; in the unit of the map.
+    grid : mapping of str to tuple
         ``thickness`` and ``frame_id`` of both maps, where these differ.
-    columns : mapping
-        Of the columns of which matched patches do not hold the same, bit for bit: how many.
+    columns : mapping of str to int
+        How many matched patches differ in a column, bit for bit; columns without any are left out.
     total : Differences
         Of all patches.
-    by_origin : mapping
-        Differences of the patches that are measured, plastered, artificial (matched ones: in both
-        maps), and of the matched ones that are ``changed`` from one origin to another.
+    by_origin : mapping of str to Differences
+        Of the measured, plastered and artificial patches (matched ones: in both maps), and of the
+        ``changed``: matched patches whose origins differ.
     """
 
     identical: bool
@@ -113,17 +113,17 @@ class Comparison:
 
     @property
     def differ(self) -> bool:
-        """Whether the maps differ: with a tolerance above 0, in patches, heights and depths.
+        """Whether the maps differ.
 
-        A patch of another origin is another patch. Without a tolerance nothing passes that is
-        not identical.
+        With a tolerance of 0: whether they are not identical. Otherwise: whether a patch is in one
+        map only, has another origin, or differs in height or depth by more than the tolerance.
         """
         if self.identical or self.tolerance == 0:
             return not self.identical
         return self.total.beyond or self.by_origin[CHANGED].matched > 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it, ready for JSON."""
+        """Return all fields and `differ`, ready for JSON."""
         return {"identical": self.identical, "differ": self.differ} | asdict(self)
 
 
@@ -132,15 +132,20 @@ def compare_maps(a: SurfaceMap, b: SurfaceMap, tolerance: float = 0.0) -> Compar
 
     Parameters
     ----------
-    a, b
-        Maps of one grid.
-    tolerance
-        Differences of height or depth up to this pass; in the unit of the maps.
+    a, b : SurfaceMap
+        Maps of one cell size and gap size.
+    tolerance : float
+        Heights and depths that differ by no more than this count as equal; in the unit of the
+        maps.
+
+    Returns
+    -------
+    Comparison
 
     Raises
     ------
     UsageError
-        Where cell size or gap size differ, or the tolerance is no number of 0 or more.
+        Where cell size or gap size differ, or the tolerance is not a finite number of 0 or more.
     """
     expect(a, SurfaceMap, "a", "a map (SurfaceMap)")
     expect(b, SurfaceMap, "b", "a map (SurfaceMap)")
@@ -179,7 +184,13 @@ def compare_maps(a: SurfaceMap, b: SurfaceMap, tolerance: float = 0.0) -> Compar
 
 
 def matches(a: SurfaceMap, b: SurfaceMap) -> tuple[Int64, Int64]:
-    """Return the patches of two maps that match, row by row (M,), ascending in the first map."""
+    """Return the patches of two maps that match.
+
+    Returns
+    -------
+    in_a, in_b : int64 (M,)
+        Indices of the matched patches in either map, those of the first map ascending.
+    """
     keys, other_keys = pack(a.cells.ix, a.cells.iy), pack(b.cells.ix, b.cells.iy)
     _, cells, other_cells = np.intersect1d(
         keys, other_keys, assume_unique=True, return_indices=True
@@ -192,12 +203,12 @@ def matches(a: SurfaceMap, b: SurfaceMap) -> tuple[Int64, Int64]:
 
 
 def require_same_cells(a: SurfaceMap, b: SurfaceMap) -> None:
-    """Refuse maps whose patches cannot be told to be the same.
+    """Refuse two maps whose patches cannot be matched.
 
     Raises
     ------
     UsageError
-        Naming what differs.
+        Where cell size or gap size differ.
     """
     for name in ("cell_size", "gap_size"):
         mine, others = getattr(a, name), getattr(b, name)
@@ -209,12 +220,13 @@ def require_same_cells(a: SurfaceMap, b: SurfaceMap) -> None:
 
 
 def root_mean_square(values: Float64) -> float:
-    """Return the root of the mean square of values (N,), N > 0, none of them squared too large."""
+    """Return the root mean square of values (N,), N > 0; large values do not overflow."""
     scale = float(np.abs(values).max())
     return scale * math.sqrt(float(np.mean((values / scale) ** 2))) if scale else 0.0
 
 
 def _differing_columns(a: SurfaceMap, b: SurfaceMap, in_a: Int64, in_b: Int64) -> dict[str, int]:
+    """Return how many matched patches differ in each column, bit for bit, where any do."""
     counts = {
         name: int(np.count_nonzero(_bits(mine[in_a]) != _bits(b.columns[name][in_b])))
         for name, mine in a.columns.items()
@@ -223,6 +235,6 @@ def _differing_columns(a: SurfaceMap, b: SurfaceMap, in_a: Int64, in_b: Int64) -
 
 
 def _bits(column: Array) -> Array:
-    """Return what a column is made of, as integers: NaN equals itself, and 0 is not -0."""
+    """Return the bits of a column as unsigned integers: NaN equals itself, and 0 is not -0."""
     bits: Array = column.view(f"u{column.itemsize}")
     return bits

@@ -1,4 +1,4 @@
-"""Patches of one map sought in another: which lie near in the grid, and how these lie in height."""
+"""Kernels that find the patches of one map near those of another, by cell and by height."""
 
 from __future__ import annotations
 
@@ -14,7 +14,17 @@ from mlscli.runtime.kernels import inner, kernel
 
 
 class Patches(NamedTuple):
-    """What of a map is compared: where its patches are, and which are vertical."""
+    """The patches of a map as far as they are compared, sorted by (ix, iy, high).
+
+    Attributes
+    ----------
+    ix, iy : int32 (P,)
+        Cell indices.
+    low, high : float64 (P,)
+        Lower end and height of each patch, in the unit of the map.
+    vertical : bool (P,)
+        Which patches are vertical: those with a depth above 0.
+    """
 
     ix: Int32
     iy: Int32
@@ -37,13 +47,22 @@ class Patches(NamedTuple):
 def nearby(ix: Int32, iy: Int32, other_ix: Int32, other_iy: Int32, reach: int) -> Int64:
     """Return which of the other map's patches lie within `reach` cells, in x and in y.
 
-    Both maps' patches are in order of (ix, iy), so that those in cells of one x that follow one
-    another in y are a range.
+    The patches of both maps are sorted by (ix, iy), so that those of one ix in neighbouring cells
+    form a range.
+
+    Parameters
+    ----------
+    ix, iy : int32 (P,)
+        Cells of the patches.
+    other_ix, other_iy : int32 (Q,)
+        Cells of the other map's patches.
+    reach : int
+        In cells; 0: the patch's own cell only.
 
     Returns
     -------
     int64 (P, 2 reach + 1, 2)
-        For each patch and each x within reach of it, begin and end of a range of the others.
+        For each patch and each ix within reach of it, begin and end of a range of the others.
     """
     near = np.empty((len(ix), 2 * reach + 1, 2), dtype=np.int64)
     for row in range(2 * reach + 1):
@@ -65,7 +84,19 @@ def covered(
     other_high: Float64,
     margin: float,
 ) -> Bool:
-    """Tell which patches the others near them cover, each widened by `margin` up and down."""
+    """Return which patches are covered by the others near them, bool (P,).
+
+    Parameters
+    ----------
+    low, high : float64 (P,)
+        Ends of the patches.
+    near : int64 (P, R, 2)
+        Ranges of the others, as `nearby` returns them.
+    other_low, other_high : float64 (Q,)
+        Ends of the others.
+    margin : float
+        Each of the others is widened by this much up and down.
+    """
     result = np.empty(len(low), dtype=np.bool_)
     for i in range(len(low)):
         result[i] = _is_covered(low[i], high[i], near[i], other_low, other_high, margin)
@@ -76,7 +107,19 @@ def covered(
 def _is_covered(
     low: float, high: float, near: Int64, other_low: Float64, other_high: Float64, margin: float
 ) -> bool:
-    """Go down from `high` as far as the others reach, each widened; tell whether to `low`."""
+    """Return whether a patch is covered: going down from `high`, the others reach `low`.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the patch.
+    near : int64 (R, 2)
+        Ranges of the others near it.
+    other_low, other_high : float64 (Q,)
+        Ends of the others.
+    margin : float
+        Each of the others is widened by this much up and down.
+    """
     here = high
     lower = True
     while lower:
@@ -96,16 +139,19 @@ def _is_covered(
 def nearest(
     height: Float64, near: Int64, other_low: Float64, other_high: Float64, farthest: float
 ) -> Int64:
-    """Return for each height the nearest of the others in its cell; -1: none.
+    """Return for each height the index of the nearest of the others, int64 (P,); -1: none.
 
     Of equally near ones it is the higher, then the later in the file.
 
     Parameters
     ----------
+    height : float64 (P,)
     near : int64 (P, 1, 2)
-        As `nearby` returns it for a reach of 0.
+        The others in the height's cell, as `nearby` returns them for a reach of 0.
+    other_low, other_high : float64 (Q,)
+        Ends of the others.
     farthest : float
-        Others farther from the height than this are none.
+        Others farther from the height than this do not count.
     """
     result = np.full(len(height), -1, dtype=np.int64)
     for i in range(len(height)):
@@ -135,8 +181,10 @@ def match(
 
     Parameters
     ----------
-    start, other_start : int64
-        Where the patches of each cell begin.
+    height, other_height : float64 (P,) and (Q,)
+        Heights of the patches, ascending in each cell.
+    start, other_start : int64 (C + 1,) and (D + 1,)
+        The patches of cell c are ``start[c]`` to ``start[c + 1]``.
     cells, other_cells : int64 (S,)
         The numbers, in either map, of the cells that both have.
     farthest : float
@@ -145,7 +193,7 @@ def match(
     Returns
     -------
     int64 (P,)
-        For each patch of the first map its match; -1: none.
+        For each patch of the first map the index of its match; -1: none.
     """
     matched = np.full(len(height), -1, dtype=np.int64)
     other_matched = np.full(len(other_height), -1, dtype=np.int64)
@@ -169,7 +217,7 @@ def match(
 
 @inner
 def _nearest_free(begin: int, end: int, height: Float64, matched: Int64, z: float) -> int:
-    """Return the patch of ``begin`` to ``end`` nearest to z that has no match; -1: none."""
+    """Return the patch of ``begin`` to ``end`` without a match that is nearest to z; -1: none."""
     free = -1
     for j in range(begin, end):
         # Heights ascend in a cell: of two equally near ones the later is the higher.

@@ -1,16 +1,17 @@
-"""Where a map closes what is open: under a deck, in a window, over a hole.
+"""Places where a map closes what is open: under a deck, in a window, over a hole.
 
-A phantom closing is an inserted patch that is not correct. Where it stands, the truth of its own
-cell tells. True patches of one cell are more than `gap_size` apart: the space between two that
-follow one another is open. A patch that reaches into it, farther than a cell from both, is
+A phantom closing is an inserted patch that is not correct. The true patches of its cell decide
+which place it is in. True patches of one cell are more than `gap_size` apart: the space between two
+successive ones is open. A phantom closing that reaches into such a space, farther than a cell size
+from both, is
 
 - ``in_window`` where both are vertical: sill and lintel;
 - ``under_deck`` otherwise: under a bridge, a roof or a crown, in a gate.
 
-Of the others, one whose cell holds no true patch, but lies between cells that do, along x and
-along y, is ``in_hole``: a hole in the ground. One within a cell of a true patch in height is
-``off_level``: it closes a surface that is there at a height that is not its own. What is left is
-``elsewhere``: above or below all that is there, or off the edge of the scene.
+Of the others, it is ``in_hole``, a hole in the ground, where its cell holds no true patch, but lies
+between cells that do, along x and along y; ``off_level`` where it is within a cell size of a true
+patch in height: it closes a surface at a wrong height; ``elsewhere`` otherwise: above or below all
+true patches, or off the edge of the scene.
 """
 
 from __future__ import annotations
@@ -37,10 +38,15 @@ def count_by_place(
     phantoms : Patches
         F inserted patches that are not correct.
     origin : uint8 (F,)
-        Plastered or artificial.
+        Their origins, `PLASTERED` or `ARTIFICIAL`.
     true : Patches
-        The true surfaces.
+        The true patches.
     cell_size : float
+
+    Returns
+    -------
+    dict of str to dict
+        By each of `PLACES`, how many are ``plastered`` and how many ``artificial``.
     """
     near = nearby(phantoms.ix, phantoms.iy, true.ix, true.iy, 0)
     place = _places(
@@ -59,7 +65,15 @@ def count_by_place(
 
 
 def _between(line: Int32, position: Int32, true_line: Int32, true_position: Int32) -> Bool:
-    """Tell which cells lie between the first and the last true cell of their line."""
+    """Return which cells lie between the first and the last true cell of their line, bool (F,).
+
+    Parameters
+    ----------
+    line, position : int32 (F,)
+        The cells: their ix and iy for lines along y, their iy and ix for lines along x.
+    true_line, true_position : int32 (T,)
+        The cells that hold true patches, likewise.
+    """
     if not len(true_line):
         return np.zeros(len(line), dtype=np.bool_)
     order = np.lexsort((true_position, true_line))
@@ -82,7 +96,23 @@ def _places(
     true_vertical: Bool,
     margin: float,
 ) -> Int64:
-    """Return the number of the place of each patch; of several spaces that of the lowest."""
+    """Return the number of the place of each patch, int64 (F,), without ``in_hole``.
+
+    A patch that reaches into several spaces is in the place of the lowest.
+
+    Parameters
+    ----------
+    low, high : float64 (F,)
+        Ends of the patches.
+    near : int64 (F, 1, 2)
+        The range of true patches in the cell of each, as `nearby` returns it.
+    true_low, true_high : float64 (T,)
+        Ends of the true patches.
+    true_vertical : bool (T,)
+        Which true patches are vertical.
+    margin : float
+        The cell size.
+    """
     place = np.full(len(low), _ELSEWHERE, dtype=np.int64)
     for i in range(len(low)):
         begin, end = near[i, 0]

@@ -1,13 +1,13 @@
 """A map against the truth, which is a map as well.
 
-Half a cell in height is near enough: each patch is widened by that up and down, and then
+Errors in height of up to half a cell are allowed: patches that cover others are widened by half a
+cell up and down.
 
-- a true patch is **found** if the map's patches of its cell cover it;
-- a map's patch is **correct** if the true patches of its cell and the eight around cover it.
+- A true patch is **found** if the map's patches in its cell cover it.
+- A map's patch is **correct** if the true patches in its cell and the eight around it cover it.
 
-So a horizontal patch, a height, must lie within half a cell of one of the others, or within half a
-cell of a vertical one's interval; a vertical patch must be covered from its lower end to its
-height. Everything else is counted from these two.
+So the height of a horizontal patch must lie within half a cell of another patch; a vertical patch
+must be covered from its lower end to its height.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from mlscli.scoring.comparison import require_same_cells, root_mean_square
 from mlscli.scoring.kernels import Patches, covered, nearby, nearest
 from mlscli.scoring.places import count_by_place
 
-# How many cells beside a true surface a correct patch may lie.
+# A correct patch may lie up to this many cells beside a true surface.
 SIDEWAYS = 1
 
 
 @dataclass(frozen=True)
 class Share:
-    """How many of how many.
+    """A count, as a share of a total.
 
     Attributes
     ----------
     count, of : int
-        ``count`` of ``of``.
+        The count and the total.
     share : float or None
-        Their quotient; None of nothing.
+        Their quotient, 0 to 1; None where the total is 0.
     """
 
     count: int
@@ -47,27 +47,30 @@ class Share:
 
     @classmethod
     def among(cls, chosen: Bool) -> Share:
-        """Count those that a mask (N,) chooses."""
+        """Return the share that a mask, bool (N,), chooses."""
         count, of = int(np.count_nonzero(chosen)), len(chosen)
         return cls(count, of, count / of if of else None)
 
     @property
     def rest(self) -> int:
-        """How many are not counted."""
+        """The total less the count."""
         return self.of - self.count
 
 
 @dataclass(frozen=True)
 class HeightErrors:
-    """Heights against true heights.
+    """Errors of heights against true heights, in the unit of the map.
 
     Attributes
     ----------
     patches : int
-        How many were compared.
-    rmse, bias, p95 : float or None
-        Root of the mean square, mean (above 0: too high) and 95th percentile of the absolute
-        errors; None where none was compared. In the unit of the map.
+        How many patches were compared.
+    rmse : float or None
+        Root mean square of the errors; None where no patch was compared, as below.
+    bias : float or None
+        Their mean; above 0: the map is too high.
+    p95 : float or None
+        95th percentile of their absolute values.
     """
 
     patches: int
@@ -77,7 +80,7 @@ class HeightErrors:
 
     @classmethod
     def of(cls, errors: Float64) -> HeightErrors:
-        """Measure errors (N,), each a height less the true one."""
+        """Return the statistics of errors, float64 (N,): heights less the true ones."""
         if not len(errors):
             return cls(0, None, None, None)
         return cls(
@@ -90,7 +93,7 @@ class HeightErrors:
 
 @dataclass(frozen=True)
 class Measures:
-    """What patches are worth against the truth.
+    """Measures of a set of patches against the truth.
 
     Attributes
     ----------
@@ -101,10 +104,10 @@ class Measures:
     correctness : Share
         Patches that are correct.
     heights : HeightErrors
-        Of the nearest horizontal patch in the cell of each true horizontal one, where it is
-        within half a cell.
+        For each true horizontal patch, of the nearest horizontal patch in its cell, where that is
+        within half a cell in height.
     flat_called_vertical : Share
-        True horizontal patches of which the nearest patch in their cell, within half a cell, is
+        True horizontal patches whose nearest patch in their cell, within half a cell in height, is
         vertical.
     """
 
@@ -118,28 +121,28 @@ class Measures:
 
 @dataclass(frozen=True)
 class Score:
-    """What a map is worth against the truth.
+    """The quality of a map against the truth.
 
     Attributes
     ----------
     true_cells : int
-        Cells that hold a true patch.
+        How many cells hold a true patch.
     false_levels : int
-        Map patches that are not correct.
+        How many of the map's patches are not correct.
     false_levels_per_cell : float or None
-        Of these, how many for each true cell.
+        ``false_levels / true_cells``; None where there are no true cells.
     levels_missed : int
-        True patches that are not found.
+        How many true patches are not found.
     phantom_closings : Share
-        Inserted map patches (plastered or artificial) that are not correct: what the map closed
-        where the truth is open.
-    phantom_places : mapping
-        How many of them are in each of `mlscli.scoring.places.PLACES`, by origin.
+        Inserted patches (plastered or artificial) that are not correct: the map closes what is
+        open in the truth.
+    phantom_places : mapping of str to mapping
+        How many phantom closings are in each of `mlscli.scoring.places.PLACES`, by origin.
     honest_red : Share
-        Artificial map patches that are correct.
+        Artificial patches that are correct.
     total : Measures
         Of the whole map.
-    by_origin : mapping
+    by_origin : mapping of str to Measures
         Of the measured, the plastered and the artificial patches, each as if they were the map.
     """
 
@@ -154,7 +157,7 @@ class Score:
     by_origin: Mapping[str, Measures]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it, ready for JSON."""
+        """Return all fields, ready for JSON."""
         return asdict(self)
 
 
@@ -163,10 +166,15 @@ def score(surface: SurfaceMap, truth: SurfaceMap) -> Score:
 
     Parameters
     ----------
-    surface
+    surface : SurfaceMap
         The map.
-    truth
-        The true surfaces as a map of the same grid; the origin of its patches does not matter.
+    truth : SurfaceMap
+        The true surfaces as a map of the same cell size and gap size; the origin of its patches
+        does not matter.
+
+    Returns
+    -------
+    Score
 
     Raises
     ------
@@ -202,11 +210,12 @@ def score(surface: SurfaceMap, truth: SurfaceMap) -> Score:
 
 
 def _measure(mine: Patches, true: Patches, half: float) -> Measures:
+    """Measure patches against the true ones; `half` is half a cell."""
     found, correct = _found(true, mine, half), _correct(mine, true, half)
     flat, level = true.take(~true.vertical), mine.take(~mine.vertical)
     at_level, at_any = _nearest(flat, level, half), _nearest(flat, mine, half)
     compared = at_level >= 0
-    # The one more, for flat patches without any near them, is not vertical.
+    # True patches without a near patch have the index -1: the last entry, which is False.
     vertical = np.append(mine.vertical, False)
     return Measures(
         completeness=Share.among(found),
@@ -219,21 +228,22 @@ def _measure(mine: Patches, true: Patches, half: float) -> Measures:
 
 
 def _found(true: Patches, mine: Patches, half: float) -> Bool:
-    """Tell which true patches the map's patches of their cell cover."""
+    """Return which true patches are found."""
     return _covered(true, mine, half, reach=0)
 
 
 def _correct(mine: Patches, true: Patches, half: float) -> Bool:
-    """Tell which map patches the true patches in and around their cell cover."""
+    """Return which patches of the map are correct."""
     return _covered(mine, true, half, reach=SIDEWAYS)
 
 
 def _covered(patches: Patches, others: Patches, half: float, reach: int) -> Bool:
+    """Return which patches the others in cells within `reach`, widened by `half`, cover."""
     near = nearby(patches.ix, patches.iy, others.ix, others.iy, reach)
     return covered(patches.low, patches.high, near, others.low, others.high, half)
 
 
 def _nearest(flat: Patches, others: Patches, half: float) -> Int64:
-    """Return for each flat patch the nearest of its cell within half a cell; -1: none."""
+    """Return for each flat patch the nearest in its cell, at most `half` away; -1: none."""
     near = nearby(flat.ix, flat.iy, others.ix, others.iy, 0)
     return nearest(flat.high, near, others.low, others.high, half)

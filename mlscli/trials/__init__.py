@@ -1,1 +1,1 @@
-"""The program tried: what a build would do, what each stage is worth, how long a batch takes."""
+"""Trials of the program: what a build would do, what each stage is worth, how long batches take."""

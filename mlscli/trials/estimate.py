@@ -1,16 +1,17 @@
-"""What a build would do, told from the first keyframes of a recording.
+"""What a build would do, estimated from the first keyframes of a recording.
 
-Maps of growing parts of what was read are built, as long as that takes seconds only, and thrown
-away. Where the last is of the whole recording, all numbers but the time are those of the build;
-else they are extrapolated:
+Maps of larger and larger parts of these keyframes are built, as long as that takes seconds only,
+and thrown away. If the last part is the whole recording, all numbers but the time are those of the
+build; otherwise they are extrapolated:
 
-- keyframes: as many as the recording declares, or as many a second as there were;
-- points and batches: as many for each keyframe;
-- patches: a power of the points, as from one part to the next: a flight over new ground adds
+- keyframes: as many as the recording declares, or at the rate of those read;
+- points and batches: in proportion to the keyframes;
+- patches: by a power of the points, fitted to the last two parts: a flight over new ground adds
   patches in proportion, one over the same ground adds few;
-- cell size: of the points read. Where ground is seen again later, points lie closer, and the cells
-  become smaller;
-- time: of reading, for each keyframe; of building, for each point.
+- cell size: that of the points read. Where ground is seen again later, points lie closer, and the
+  cells of the build are smaller;
+- time: of reading, in proportion to the keyframes; of building, by a power of the points within
+  the keyframes read, and in proportion to the keyframes beyond.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ from mlscli.keyframes.keyframe import Keyframe
 from mlscli.parameters.lengths import in_units
 from mlscli.pipeline.parameters import Parameters
 
-# The trial: so many points at most, these shares of them in turn, and no next one that would take
-# longer than so many seconds.
+# The trial takes this many points at most, and builds maps of these shares of them in turn, until
+# the next could take longer than this many seconds.
 _AT_MOST = 200_000
 _TRIAL_SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)
 _PATIENCE_SECONDS = 1.5
@@ -42,26 +43,30 @@ _PATIENCE_SECONDS = 1.5
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a build would do.
+    """What a build would do; numbers are None where too little was read to estimate them.
 
     Attributes
     ----------
     whole : bool
-        Whether all was read and mapped: then the numbers are exact, but for `seconds`.
+        Whether the whole recording was read and mapped: then all numbers but `seconds` are exact.
     clouds : list of str
-        Where the clouds are: file, and topic.
+        Where the clouds are: files, and topics where there are some.
     frame_id, up : str
-        The map frame, and which way of the recording becomes z.
-    keyframes, batches, points, patches : int or None
-        None where the look ended before there was anything to judge by.
+        The map frame, and which direction of the recording becomes z.
+    keyframes : int or None
+        How many keyframes there are.
     counted : bool
-        Whether the keyframes were counted by the recording or here, and not judged by their rate.
+        Whether the keyframes were counted or declared, not estimated from their rate.
+    batches, points, patches : int or None
+        How many batches and points there are, and how many patches the map has.
     cell_size, gap_size, thickness : float or None
+        Lengths of the map, in the unit of the recording.
     seconds : float or None
-        Wall time.
+        Wall time of the build.
     read : dict
-        What all this is judged by: whether that is ``all``, ``keyframes``, ``points``, and how many
-        of them are ``dropped``, by reason.
+        What the estimate is based on: ``all``, whether the whole recording was read;
+        ``keyframes`` and ``points``, how many were read; ``dropped``, how many of these points are
+        dropped, by reason.
     notes, lost : list of str
         What the user should know, and what cannot be read.
     """
@@ -91,23 +96,29 @@ def estimate_build(
     glance: Glance | None = None,
     **reading: Any,
 ) -> Estimate:
-    """Say what `mlscli.build_map` would do, from the first keyframes; nothing is written.
+    """Estimate what `mlscli.build_map` would do, from the first keyframes; write nothing.
 
     Parameters
     ----------
-    *sources : paths
+    *sources : str or path
+        As `mlscli.open_recording` takes them.
     parameters : Parameters, optional
+        The defaults where none are given.
     follow : callable, optional
-        As for `mlscli.build_map`; called for the trial.
+        As for `mlscli.build_map`; called with the changes of the trial's maps.
     glance : Glance, optional
         How much to read; by default 200,000 points, in at most 2 s.
     **reading
-        As `mlscli.open_recording` takes it.
+        The other arguments of `mlscli.open_recording`.
+
+    Returns
+    -------
+    Estimate
 
     Raises
     ------
     MlsError
-        Where the build would fail, as far as can be seen.
+        Where the build would fail, as far as the keyframes read show it.
     """
     parameters = parameters or Parameters()
     glance = glance or Glance()
@@ -155,7 +166,10 @@ def estimate_build(
 
 
 def _by_their_rate(keyframes: Sequence[Keyframe], duration: float) -> int | None:
-    """Return how many keyframes there are in so many seconds; None where no times tell."""
+    """Return how many keyframes there are in `duration` (s), at the rate of those given.
+
+    None where their times or the duration are not known.
+    """
     stamps = np.array([keyframe.stamp for keyframe in keyframes])
     flown = float(np.ptp(stamps)) if len(stamps) else 0.0
     if not (flown > 0 and math.isfinite(duration)):
@@ -164,14 +178,14 @@ def _by_their_rate(keyframes: Sequence[Keyframe], duration: float) -> int | None
 
 
 def _reservations(glance: Glance) -> list[str]:
-    """Say what a longer look might change."""
+    """Return notes on what might change if more were read."""
     if not glance.poses_cut:
         return []
     return ["transforms and poses are read in part: clouds without one may get theirs in the build"]
 
 
 def _lengths(parameters: Parameters) -> dict[str, float | None]:
-    """Return the lengths of the map in the unit of the recording, as far as they are settled."""
+    """Return the lengths of the map in the unit of the recording; None where cells are auto."""
     wanted = parameters.map
     if isinstance(wanted.cell_size, str):
         return dict.fromkeys(("cell_size", "gap_size", "thickness"))
@@ -183,24 +197,32 @@ def _lengths(parameters: Parameters) -> dict[str, float | None]:
 
 
 class _Trial:
-    """Maps of growing parts of the keyframes read, and what they say of the rest.
+    """Maps of larger and larger parts of the keyframes read, and what follows for the rest.
 
-    A part is some first keyframes, or a slab of a single one. The next is tried where it will not
-    take too long.
+    A part is some first keyframes, or a slab of a single one.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    keyframes : sequence of Keyframe
+        The keyframes read.
+    follow : callable or None
+        As for `estimate_build`.
 
     Attributes
     ----------
     is_whole : bool
-        Whether the last part was all.
+        Whether the last part was all keyframes read.
     batches : int
-        Of all keyframes read.
+        How many batches these make.
     dropped : dict
-        How many points the stages drop, by reason.
+        How many points the stages drop, by reason; empty unless `is_whole`.
     growth : float
-        The power of the points with which patches grow, from 0 to 1.
+        The power of the points by which patches grow, from 0 to 1.
     startup : float
-        The time that does not grow with the points.
+        The time (s) that does not grow with the points.
     lengths : dict
+        ``cell_size``, ``gap_size`` and ``thickness``, in the unit of the recording.
     """
 
     def __init__(
@@ -224,7 +246,7 @@ class _Trial:
         for share in _TRIAL_SHARES[1:]:
             part = _part(tried, share)
             more = _size(part) / last.points
-            # Points that lie dense can take up to the square of the time.
+            # Where points lie densely, time can grow with their square.
             if last.seconds * more**2 > _PATIENCE_SECONDS:
                 break
             if more > 1:
@@ -238,19 +260,31 @@ class _Trial:
         self.dropped = last.dropped if self.is_whole else {}
 
     def patches(self, more: float) -> int:
-        """Return how many patches a map of so many times the points read has."""
+        """Return how many patches a map of `more` times the points read has."""
         times = more * self._points / self._last.points
         return round(self._last.patches * math.pow(times, self.growth))
 
     def seconds(self, more: float) -> float:
-        """Return how long such a map takes to build."""
+        """Return how long (s) such a map takes to build."""
         unseen = self._points / self._last.points
         building = self._last.seconds * math.pow(unseen, self._slowing)
         return self.startup + (building + self._sizing * self._points) * more
 
 
 class _Built(NamedTuple):
-    """What the map of a part is like, and how long it took."""
+    """The map of a part of the keyframes, in numbers.
+
+    Attributes
+    ----------
+    points : int
+        Points in the part.
+    patches : int
+        Patches of its map.
+    seconds : float
+        Wall time of building it.
+    dropped : dict of str to int
+        How many points were dropped, by reason.
+    """
 
     points: int
     patches: int
@@ -271,12 +305,12 @@ def _built(
 
 
 def _power(ratio: float, of: float, low: float, high: float) -> float:
-    """Return the power to which a number has to be raised to give the ratio, within bounds."""
+    """Return the exponent to which `of` is raised to give `ratio`, clipped to `low` and `high`."""
     return min(high, max(low, math.log(ratio) / math.log(of)))
 
 
 def _part(keyframes: Sequence[Keyframe], share: float) -> Sequence[Keyframe]:
-    """Return the first keyframes with this share of the points, or a slab of a single one."""
+    """Return the first keyframes with a share of the points, or a slab of a single one."""
     wanted = share * _size(keyframes)
     if len(keyframes) == 1:
         return _slab(keyframes, math.ceil(wanted))
@@ -285,7 +319,7 @@ def _part(keyframes: Sequence[Keyframe], share: float) -> Sequence[Keyframe]:
 
 
 def _slab(keyframes: Sequence[Keyframe], most: int) -> Sequence[Keyframe]:
-    """Return at most so many points, those around the median of x, as dense as they lie."""
+    """Return the keyframes with only the `most` points around the median of x, at full density."""
     size = _size(keyframes)
     if size <= most:
         return keyframes
@@ -301,4 +335,5 @@ def _slab(keyframes: Sequence[Keyframe], most: int) -> Sequence[Keyframe]:
 
 
 def _size(keyframes: Sequence[Keyframe]) -> int:
+    """Return how many points keyframes hold."""
     return sum(len(keyframe.points) for keyframe in keyframes)

@@ -1,9 +1,9 @@
-"""How long a batch takes by its size: the thesis's figure 6.8, measured anew.
+"""How long a batch takes by its size: the thesis's figure 6.8, measured again.
 
 The points of a synthetic flight, in the order in which they were seen, are cut into batches of one
 size, and each is taken into a growing map through the whole pipeline. The thesis timed the cloud
-of its own flight, some 3,100 points, on a laptop of 2005; batches that such a flight holds less
-than twice are cut from a longer one, whose points lie as close.
+of its own flight, some 3,100 points, on a laptop of 2005. Where such a flight does not hold two
+batches of the largest size, all batches are cut from a longer one, whose points are as dense.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mlscli.trials.quality import CELL_SIZE, flown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Seconds a batch by its points, read off the figure.
+# Time of a batch (s) by its points, read off the figure.
 THESIS: Mapping[int, float] = {
     20: 0.01, 40: 0.02, 60: 0.03, 80: 0.06, 100: 0.07, 120: 0.11, 140: 0.15, 160: 0.17, 180: 0.21,
     200: 0.24, 240: 0.43, 280: 0.61, 320: 1.37, 360: 1.63, 400: 2.06,
@@ -44,11 +44,11 @@ class BatchPace:
     size : int
         Points in a batch.
     batches : int
-        How many were timed.
+        How many batches were timed.
     seconds : float
-        Wall time of a batch on the average.
+        Mean wall time of a batch.
     thesis : float or None
-        The thesis's time (s) for this size.
+        The thesis's time (s) for this size; None where it has none.
     """
 
     size: int
@@ -64,11 +64,12 @@ class Pace:
     Attributes
     ----------
     rows : list of BatchPace
+        One for each size.
     first_call : float
-        What the first batch of all cost (s) beyond a later one like it: the kernels are loaded, or
-        compiled where no cache holds them.
+        How much longer (s) the very first batch took than the same batch again: kernels are
+        loaded, or compiled where no cache holds them.
     exponent : float or None
-        The time of a batch grows with this power of its size; None with fewer than two sizes.
+        The power of the size with which the time of a batch grows; None with fewer than two sizes.
     """
 
     rows: list[BatchPace]
@@ -79,10 +80,12 @@ class Pace:
 def parse_sizes(text: str) -> list[int]:
     """Return the sizes that ``A..B[:STEP]`` or a list names; ``20..400`` are the thesis's.
 
+    Without a step, sizes are 20 apart.
+
     Raises
     ------
     UsageError
-        Where it is neither, or a size is below 1 or above `LARGEST_BATCH`.
+        Where the text is neither, or a size is below 1 or above `LARGEST_BATCH`.
     """
     if text == "20..400":
         return list(THESIS)
@@ -97,7 +100,7 @@ def parse_sizes(text: str) -> list[int]:
             least, greatest = min(sizes), max(sizes)
     except ValueError:
         sizes, least, greatest = [], 0, 0
-    # The ends first: in between there may be more numbers than anyone has time for.
+    # Check the ends before the range becomes a list: it may be huge.
     if not (least >= 1 and greatest <= LARGEST_BATCH and sizes):
         raise UsageError(
             f"`sizes` {text}: expected A..B, A..B:STEP or a list such as 20,52,400, of numbers "
@@ -111,12 +114,22 @@ def measured(
     parameters: Parameters,
     progress: Callable[[str, int, int | None], None] | None = None,
 ) -> Pace:
-    """Time batches of each size, the program warm."""
+    """Time batches of each size, after the kernels are loaded.
+
+    Parameters
+    ----------
+    sizes : sequence of int
+        Points in a batch.
+    parameters : Parameters
+        Those of the map; a cell size of ``auto`` becomes the thesis's.
+    progress : callable, optional
+        Called with what is being done, how many sizes are done, and how many there are.
+    """
     if parameters.map.cell_size == "auto":
         parameters = parameters.with_cell_size(CELL_SIZE)
     points = _points(max(POINTS, 2 * max(sizes)))
     first, later = (_until_first(points[: sizes[0]], parameters) for _ in range(2))
-    # What the first batch alone does not load, later ones may.
+    # Later batches may use kernels that the first does not: load these, too.
     _times(points, sizes[0], parameters)
     rows = []
     for number, size in enumerate(sizes):
@@ -128,23 +141,23 @@ def measured(
 
 
 def _points(size: int) -> Float64:
-    """Return so many points of a flight, in the order in which they were seen."""
+    """Return the first points of a flight in the order seen, float64 (`size`, 3)."""
     scene = "house" if size <= POINTS else "village"
     keyframes = flown(scene, OUTLIERS, seed=1).keyframes
     return np.concatenate([keyframe.points for keyframe in keyframes])[:size]
 
 
 def _until_first(points: Float64, parameters: Parameters) -> float:
-    """Return how long it takes until the first batch is in the map."""
+    """Return how long (s) it takes to make a map and take a first batch into it."""
     begin = time.perf_counter()
     MapBuilder(parameters).process_cloud(points)
     return time.perf_counter() - begin
 
 
 def _times(points: Float64, size: int, parameters: Parameters) -> list[float]:
-    """Return how long each batch takes; what is left over at the end is none."""
+    """Return how long (s) each batch takes; points left over at the end make no batch."""
     builder = MapBuilder(parameters)
-    # A map that is looked at is ready to grow: that is no part of the first batch.
+    # Reading the map prepares it to grow, which is not to be timed with the first batch.
     _ = builder.surface
     times = []
     for begin in range(0, len(points) - size + 1, size):
@@ -155,6 +168,7 @@ def _times(points: Float64, size: int, parameters: Parameters) -> list[float]:
 
 
 def _exponent(rows: Sequence[BatchPace]) -> float | None:
+    """Return the slope of log time over log size; None with fewer than two sizes."""
     if len({row.size for row in rows}) < 2:
         return None
     sizes, seconds = (np.log([getattr(row, name) for row in rows]) for name in ("size", "seconds"))
@@ -165,7 +179,14 @@ def _exponent(rows: Sequence[BatchPace]) -> float | None:
 
 
 def to_dict(pace: Pace, before: Mapping[int, float] | None = None) -> dict[str, Any]:
-    """Return what was measured, ready for JSON, with earlier times beside where there are any."""
+    """Return the times, ready for JSON.
+
+    Parameters
+    ----------
+    pace : Pace
+    before : mapping of int to float, optional
+        Earlier times (s) by size, which are put beside.
+    """
     report = asdict(pace)
     if before is not None:
         for row in report["rows"]:
@@ -175,12 +196,12 @@ def to_dict(pace: Pace, before: Mapping[int, float] | None = None) -> dict[str, 
 
 
 def seconds_of(report: Any, name: str) -> dict[int, float]:
-    """Return seconds by size of a report that `to_dict` made.
+    """Return the times (s) by size of a report that `to_dict` made; messages call it `name`.
 
     Raises
     ------
     InputError
-        Where it is none.
+        Where it is no such report.
     """
     try:
         times = {int(row["size"]): float(row["seconds"]) for row in report["rows"]}
@@ -194,7 +215,7 @@ def seconds_of(report: Any, name: str) -> dict[int, float]:
 
 
 def to_markdown(pace: Pace, before: Mapping[int, float] | None = None) -> str:
-    """Return a table, with earlier times beside where there are any."""
+    """Return the times as a table; takes what `to_dict` takes."""
     head = ["points", "batches", "ms a batch", "thesis, ms", "times as fast"]
     head += ["before, ms", "now / before"] if before is not None else []
     lines = [f"| {' | '.join(head)} |", f"|{'--:|' * len(head)}"]
@@ -219,7 +240,7 @@ def to_markdown(pace: Pace, before: Mapping[int, float] | None = None) -> str:
 
 
 def drawn(pace: Pace) -> Figure:
-    """Return the times over the sizes, the thesis's beside them, both axes logarithmic."""
+    """Return a plot of the times over the sizes, with the thesis's, both axes logarithmic."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 

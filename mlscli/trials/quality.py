@@ -1,8 +1,8 @@
-"""What each stage is worth: synthetic flights mapped with more and more of the pipeline.
+"""What each stage is worth: synthetic flights, mapped with more and more stages of the pipeline.
 
-Every scene is flown with several shares of outliers and seeds, and each flight is mapped with no
-stage, then with one stage more at a time, each at the place that it has in the pipeline. The maps
-are scored against the truth of the scene.
+Every scene is flown with several shares of outliers and several seeds. Each flight is mapped with
+no stage, then with one stage more at a time, each in its place in the pipeline. The maps are scored
+against the truth of the scene.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from mlscli.scenes.presets import SCENE_PRESETS, make
 from mlscli.scenes.truth import truth
 from mlscli.scoring import Score, score
 
-# In the order in which the thesis has them, and last what it did not have.
+# In the order in which the thesis has them; last, the one that it does not have.
 ADDED = ("median", "orphans", "plaster", "pyramids", "walls")
 NO_STAGE = "none"
 OUTLIER_SHARES = (0.0, 0.1, 0.2, 0.3)
 CELL_SIZE = 0.15
-# Points lie so far apart that a cell of a floor holds about 1.5 of them.
+# Spacing of the points: a cell of a floor holds about 1.5 of them.
 GRID = 0.12
 
 # A stage makes a scene worse where it lowers the harmonic mean of completeness and correctness
-# by more than this, or raises the error of the heights by more than this part.
+# by more than the first, or raises the rmse of the heights by more than the second, a share of it.
 WORSE_BY, WORSE_HEIGHTS = 0.002, 0.02
 
 SCENES = tuple(preset.name for preset in SCENE_PRESETS if preset.name != "village")
@@ -39,26 +39,29 @@ SCENES = tuple(preset.name for preset in SCENE_PRESETS if preset.name != "villag
 
 @dataclass(frozen=True)
 class StageWorth:
-    """The worth of a map, made with the stages up to one of them.
+    """Scores of the maps of a scene made with the stages up to one of them, over all seeds.
 
     Attributes
     ----------
     scene : str
+        Name of the preset.
     outliers : float
-        The share of salt and pepper.
+        The probability of salt and pepper, 0 to 1.
     stages : str
-        The stage that came last; all before it in `ADDED` run, too.
+        The stage that was added last, or `NO_STAGE`; those added before run, too.
     completeness, correctness : float
-        Shares of true patches found, and of the map's patches that are correct.
+        Means of the shares of true patches found, and of the map's patches that are correct.
     rmse, bias : float
-        Of the heights of floors, in sigmas of the points.
+        Means of the rmse and bias of heights, in vertical sigmas of the points.
     missed, false, phantom : int
-        True patches not found, patches not correct, and of these those inserted.
+        Sums of the true patches not found, of the map's patches not correct, and of the inserted
+        ones among these.
     honest_red : float or None
-        Share of the artificial patches that are correct.
+        Mean of the share of artificial patches that are correct; None where there are none.
     flat_called_vertical : float
+        Mean of the share of true horizontal patches that the map calls vertical.
     worse : bool
-        Whether the stage that came last makes the map worse.
+        Whether the stage that was added last makes the maps worse.
     """
 
     scene: str
@@ -89,19 +92,27 @@ def table(
     parameters: Parameters | None = None,
     progress: Callable[[str, int, int | None], None] | None = None,
 ) -> list[StageWorth]:
-    """Return a row for each scene, share of outliers and stage added; means over the seeds.
+    """Return a row for each scene, share of outliers and stage added, over all seeds.
 
     Parameters
     ----------
     scenes : sequence of str
         Names of presets.
     shares : sequence of float
-        Shares of salt and pepper.
+        Probabilities of salt and pepper.
     seeds : iterable of int
+        Seeds of the flights, at least one.
     parameters : Parameters, optional
-        Whose stages are added; the defaults where none are given, with the thesis's cell size.
+        Those of the maps, whose stages are added one by one; the defaults where none are given. A
+        cell size of ``auto`` becomes the thesis's.
     progress : callable, optional
-        Called with what is done, how much of it, and how much there is.
+        Called with the scene and share that come next, how many scenes are done, and how many
+        there are.
+
+    Raises
+    ------
+    UsageError
+        Where there is no seed or no such preset.
     """
     parameters = Parameters() if parameters is None else parameters
     if parameters.map.cell_size == "auto":
@@ -128,7 +139,7 @@ def table(
 
 
 def flown(scene: str, outliers: float, seed: int, grid: float = GRID) -> Flight:
-    """Fly over a preset with the thesis's noise."""
+    """Fly over a preset with the thesis's noise, `outliers` the probability of salt and pepper."""
     return fly(make(scene), grid, Noise(salt_pepper=outliers), seed=seed)
 
 
@@ -148,7 +159,11 @@ def scored(flight: Flight, parameters: Parameters) -> Score:
 
 
 def _growing(stages: Sequence[Stage]) -> Iterator[tuple[str, tuple[Stage, ...]]]:
-    """Yield pipelines with one more kind of stage each, in the places the whole one has them."""
+    """Yield pipelines, each with one more kind of stage than the last: its name, and all stages.
+
+    Stages are added in the order of `ADDED`, then those not in it; each pipeline has its stages in
+    the order of the whole one.
+    """
     yield NO_STAGE, ()
     added = [name for name in ADDED if any(stage.name == name for stage in stages)]
     others = list(dict.fromkeys(stage.name for stage in stages if stage.name not in ADDED))
@@ -159,6 +174,8 @@ def _growing(stages: Sequence[Stage]) -> Iterator[tuple[str, tuple[Stage, ...]]]
 
 
 def _mean_row(scene: str, share: float, stages: str, scores: Sequence[Score]) -> StageWorth:
+    """Return the row of several scores: means of shares and errors, sums of counts."""
+
     def mean(values: Iterable[float | None]) -> float:
         known = [value for value in values if value is not None]
         return sum(known) / len(known) if known else 0.0
@@ -183,6 +200,7 @@ def _mean_row(scene: str, share: float, stages: str, scores: Sequence[Score]) ->
 
 
 def _is_worse(row: StageWorth, before: StageWorth) -> bool:
+    """Return whether a row is worse than the one with a stage less."""
     return row.agreement < before.agreement - WORSE_BY or row.rmse > before.rmse * (
         1 + WORSE_HEIGHTS
     )
@@ -197,7 +215,7 @@ def to_dict(rows: Sequence[StageWorth]) -> list[dict[str, Any]]:
 
 
 def to_markdown(rows: Sequence[StageWorth]) -> str:
-    """Return the rows as a table for each scene, and what makes a scene worse."""
+    """Return the rows as a table for each scene, and a list of the stages that make one worse."""
     lines = []
     for scene in dict.fromkeys(row.scene for row in rows):
         lines += [f"## {scene}", "", _HEAD, _RULE]

@@ -21,13 +21,15 @@ class Colouring(NamedTuple):
     Attributes
     ----------
     name : str
+        What the colours stand for, one of `mlscli.mesh.colours.COLOURS`.
     label : str
-        What the scale shows, or the colours where there is none.
+        What the scale shows; where there is no scale, what the colours show.
     ends : tuple of float, optional
-        The values of its lowest and highest colour; None: there is no scale.
-    kinds : list
-        Colours that are no part of the scale, and what they stand for.
+        The values of the lowest and the highest colour of the scale; None: there is no scale.
+    kinds : list of (tuple of int, str)
+        Colours (red, green, blue) that are not on the scale, and what they stand for.
     colour : uint8 (P, 3)
+        Red, green, blue of each patch.
     """
 
     name: ColourBy
@@ -38,9 +40,10 @@ class Colouring(NamedTuple):
 
 
 def colourings(surface: SurfaceMap) -> list[Colouring]:
-    """Return what a map can be coloured by, by height first.
+    """Return the ways to colour a map, ``height`` first.
 
-    Regions are left out where there are none, and times of a single keyframe.
+    ``region`` is left out where no patch has one, ``time`` where there are fewer than two
+    keyframes.
     """
     missing = set()
     if not (surface.region >= 0).any():
@@ -58,13 +61,13 @@ def _colouring(surface: SurfaceMap, by: ColourBy) -> Colouring:
         return Colouring(by, label, None, _kinds(by), colour)
     label, ends = paint.scale.label, (paint.scale.low, paint.scale.high)
     if by == "count":
-        # The scale goes by powers of ten; its ends are told as numbers of points.
+        # The scale is logarithmic; its ends are given as numbers of points.
         label, ends = "points, logarithmic", (10 ** ends[0], 10 ** ends[1])
     return Colouring(by, label, ends, _kinds(by), colour)
 
 
 def _kinds(by: ColourBy) -> list[tuple[Colour, str]]:
-    """Return the colours beside a scale, and what they stand for."""
+    """Return the colours that are not on the scale, and what they stand for."""
     measured, plastered, _ = (_colour(row) for row in origin_colours())
     if by == "region":
         return [(PALE, "of no region")]

@@ -1,7 +1,7 @@
-"""What a map shows: layers of triangles, lines and points, each sorted by when they appear.
+"""Layers of triangles, lines and points to draw of a map, sorted by when their elements appear.
 
-Sorted so, the layer up to any keyframe is its beginning: whoever draws it needs no test for every
-triangle to play the flight.
+The elements visible at any keyframe are thus the first ones of their layer: to play the flight, no
+element needs a test of its own.
 """
 
 from __future__ import annotations
@@ -18,25 +18,26 @@ from mlscli.mesh import ROUTE, Mesh, build_mesh
 from mlscli.mesh.colours import height_colours, height_range, patch_colours
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
-# An upright triangle has hardly any area seen from above.
+# A triangle is upright if at most this share of its area is seen from above.
 UPRIGHT = 1e-6
 
-# More points than this are thinned out: browsers hold them, but turn them slowly.
+# More points than this are thinned out: browsers can hold them, but draw them slowly.
 MOST_POINTS = 1_000_000
 
 TRACK_GREY = (128, 128, 136)
 
 
 class Vertices(NamedTuple):
-    """Places and colours that the elements of layers refer to.
+    """Positions and colours that the elements of layers refer to.
 
     Attributes
     ----------
     position : float64 (V, 3)
-        In the map frame.
+        Coordinates in the map frame.
     colour : uint8 (V, 3)
+        Red, green, blue.
     patch : int32 (V,), optional
-        The patch of the map that each belongs to, -1: none; None: all belong to none.
+        The patch of the map that each vertex belongs to; -1: none. None: no vertex belongs to one.
     """
 
     position: Float64
@@ -52,13 +53,13 @@ class Layer:
     ----------
     name : str
     vertices : str
-        The name of the vertices that it refers to.
+        The name of its vertices in `Picture.vertices`.
     elements : int64 (E, K)
         Indices of vertices: 3 of a triangle, 2 of a line, 1 of a point.
     when : int32 (E,)
-        The keyframe with which each appears, ascending.
+        The keyframe with which each element appears, ascending.
     shown : bool
-        Whether it is to be seen at first.
+        Whether the layer is shown at first.
     """
 
     name: str
@@ -69,7 +70,14 @@ class Layer:
 
 
 class Picture(NamedTuple):
-    """All that is to be seen of a map."""
+    """All that can be shown of a map.
+
+    Attributes
+    ----------
+    vertices : dict of str to Vertices
+        The vertices of the layers, by name.
+    layers : list of Layer
+    """
 
     vertices: dict[str, Vertices]
     layers: list[Layer]
@@ -82,10 +90,9 @@ def picture(
 
     Parameters
     ----------
-    surface
-        The map.
+    surface : SurfaceMap
     points : float64 (N, 3), optional
-        Points to be shown with it; of more than a million, every so manieth.
+        Points to show with the map, in the map frame; of more than `MOST_POINTS`, every n-th.
     mesh : Mesh, optional
         The map's surfaces and walls; by default as `build_mesh` makes them.
     """
@@ -103,7 +110,7 @@ def picture(
 
 
 def faces(mesh: Mesh) -> dict[str, Int32]:
-    """Return the triangles of a mesh: surfaces, walls, and what of both is artificial."""
+    """Return the triangles of a mesh, int32 (N, 3): surface, walls, and artificial ones of both."""
     a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)
     upright = np.abs(normal[:, 2]) <= UPRIGHT * np.linalg.norm(normal, axis=1)
@@ -116,8 +123,8 @@ def faces(mesh: Mesh) -> dict[str, Int32]:
 
 
 def _triangles(mesh: Mesh, appears: Int32) -> list[Layer]:
-    """Return surfaces, walls, and what of both is artificial."""
-    # What belongs to no patch is no corner of a triangle.
+    """Return the layers of surfaces, walls, and artificial triangles of both."""
+    # The 0 stands for vertices of no patch (-1), which are not corners of triangles.
     when = np.append(appears, np.int32(0))[mesh.patch]
     return [
         _sorted(name, "mesh", triangles, when[triangles].max(axis=1, initial=0))
@@ -126,11 +133,11 @@ def _triangles(mesh: Mesh, appears: Int32) -> list[Layer]:
 
 
 def _ground_route(surface: SurfaceMap, mesh: Mesh) -> Layer:
-    """Return the route on the ground, each leg with the next keyframe that the craft came to."""
+    """Return the route on the ground; each leg appears with the keyframe that it leads to."""
     rows: dict[tuple[float, float], list[int]] = {}
     for row, (_, x, y, _) in enumerate(surface.route.tolist()):
         rows.setdefault((x, y), []).append(row)
-    # The route's vertices follow each other; between keyframes there can be more of them.
+    # The route's vertices are in order; between those of keyframes there can be others.
     when = np.zeros(len(mesh.vertices), dtype=np.int32)
     reached, waiting = 0, []
     for vertex in np.flatnonzero(mesh.origin == ROUTE).tolist():
@@ -147,7 +154,7 @@ def _ground_route(surface: SurfaceMap, mesh: Mesh) -> Layer:
 
 
 def _track(surface: SurfaceMap) -> tuple[Vertices, Layer]:
-    """Return where the craft flew, in the air."""
+    """Return the route in the air."""
     known = np.flatnonzero(np.isfinite(surface.route[:, 1:]).all(axis=1))
     legs = np.column_stack((np.arange(len(known) - 1), np.arange(1, len(known))))
     colour = np.tile(np.array(TRACK_GREY, dtype=np.uint8), (len(known), 1))
@@ -173,7 +180,7 @@ def _patches(surface: SurfaceMap, appears: Int32) -> tuple[Vertices, list[Layer]
 
 
 def _points(surface: SurfaceMap, points: Float64) -> tuple[Vertices, Layer]:
-    """Return points, each to appear with the first patch of its cell."""
+    """Return the layer of points; each appears with the first patch of its cell."""
     points = points[:: -(-len(points) // MOST_POINTS) or 1]
     vertices = Vertices(points, height_colours(points[:, 2], *height_range(surface)))
     ix, iy, start = surface.cells
@@ -191,6 +198,6 @@ def _points(surface: SurfaceMap, points: Float64) -> tuple[Vertices, Layer]:
 def _sorted(
     name: str, vertices: str, elements: Int32 | Int64, when: Int32, *, shown: bool = True
 ) -> Layer:
-    """Return a layer, its elements in the order in which they appear."""
+    """Return a layer with its elements in the order in which they appear."""
     order = np.argsort(when, kind="stable")
     return Layer(name, vertices, elements[order].astype(np.int64), when[order], shown)

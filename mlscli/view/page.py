@@ -2,8 +2,8 @@
 
 The data are arrays, laid one after the other at multiples of eight bytes, deflated and written in
 base64; a header in JSON says where each begins and what it is. Whole numbers that ascend or lie
-close together are kept as differences, which deflate well. Coordinates are float32, relative to
-an origin in the middle of the map: also of a map in UTM coordinates nothing visible is lost.
+close together are stored as differences, which compress well. Coordinates are float32, relative to
+an origin in the middle of the map: no visible precision is lost, even in UTM coordinates.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ SCRIPTS = ("data.js", "camera.js", "coarse.js", "scene.js", "detail.js", "page.j
 _TYPES = {"i4": "Int32Array", "u4": "Uint32Array", "u1": "Uint8Array", "f4": "Float32Array",
           "f8": "Float64Array"}  # fmt: skip
 
-# Browsers limit the length of a text to 2^29 characters or somewhat less.
+# Browsers limit the length of a string to 2^29 characters or somewhat less.
 _LARGEST_BYTES = 400_000_000
 
-# The view at first holds what lies between these percentiles, not every stray patch.
+# The first view holds the patches between these percentiles, not every stray one.
 _PLACE_PERCENTILES = (1, 99)
 
 
@@ -50,20 +50,20 @@ def write_page(
 
     Parameters
     ----------
-    path
+    path : path-like
         The HTML file.
-    surface
-        The map.
+    surface : SurfaceMap
     title : str
-        What the page calls it.
+        The title of the page.
     points : float64 (N, 3), optional
-        Points to be shown with it.
+        Points to show with the map, in the map frame.
     overwrite : bool
+        Whether an existing file is replaced.
 
     Returns
     -------
-    dict
-        How many elements each layer has, by its name.
+    dict of str to int
+        The number of elements of each layer, by its name.
 
     Raises
     ------
@@ -85,13 +85,13 @@ def write_page(
 
 
 def _filled(header: dict[str, Any], data: bytes) -> bytes:
-    """Return the page with all that belongs into it."""
+    """Return the page: the template with style, scripts, header and data filled in."""
     folder = resources.files("mlscli.view") / "web"
 
     def part(name: str) -> str:
         return (folder / name).read_text(encoding="utf-8")
 
-    # No text of the map's can end the element that it stands in.
+    # No text from the map can close the HTML element that holds the header.
     told = json.dumps(header, allow_nan=False).replace("<", "\\u003c")
     page = part("page.html")
     for mark, content in (
@@ -169,7 +169,7 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
 
 
 def _box(place: Float64) -> tuple[Float64, Float64]:
-    """Return the corners of the box that holds most of the places."""
+    """Return the least and the greatest corner (3,) of a box that holds most places (N, 3)."""
     if not len(place):
         return np.zeros(3), np.zeros(3)
     low, high = np.percentile(place, _PLACE_PERCENTILES, axis=0)
@@ -179,7 +179,8 @@ def _box(place: Float64) -> tuple[Float64, Float64]:
 class _Pieces:
     """Arrays one after the other, each described by a row: type, begin, length, columns.
 
-    The columns are those of which each holds differences; 0: the numbers are what they are.
+    `begin` counts bytes, `length` elements. `columns` is the number of columns of an array that is
+    stored as differences from row to row; 0: the numbers are stored as they are.
     """
 
     def __init__(self) -> None:
@@ -188,7 +189,7 @@ class _Pieces:
         self._size = 0
 
     def add(self, array: Array, differences: int = 0) -> list[str | int]:
-        """Add the numbers of an array and return the row that describes them."""
+        """Add an array and return the row that describes it, with `differences` as its columns."""
         array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
         row: list[str | int] = [_TYPES[array.dtype.str[1:]], self._size, array.size, differences]
         content = array.tobytes()
@@ -198,13 +199,13 @@ class _Pieces:
         return row
 
     def add_differences(self, array: Array) -> list[str | int]:
-        """Add whole numbers, (N,) or (N, C), each as its difference from the one before."""
-        # Differences wrap around, and do so again when they are summed up.
+        """Add integers (N,) or (N, C) within int32, each as its difference from the row before."""
+        # A difference may wrap around; the sum then wraps back.
         whole = array.astype(np.int32)
         steps = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
         return self.add(steps, differences=1 if whole.ndim == 1 else whole.shape[1])
 
     def packed(self) -> bytes:
-        """Return all of it, deflated, in base64."""
+        """Return all arrays, deflated, in base64; nothing can be added after this."""
         self._chunks.append(self._compress.flush())
         return base64.b64encode(b"".join(self._chunks))

@@ -6,21 +6,21 @@ topic                type                      content
 ``/mls/patches``     sensor_msgs/PointCloud2   every patch of the map so far
 ``/mls/surface``     visualization_msgs/Marker its surfaces, as a list of triangles
 ``/mls/walls``       visualization_msgs/Marker its walls
-``/mls/artificial``  visualization_msgs/Marker what of both is artificial
+``/mls/artificial``  visualization_msgs/Marker artificial triangles of both
 ``/mls/route``       nav_msgs/Path             where the craft was so far
 ``/tf``              tf2_msgs/TFMessage        map frame -> mls_craft, at every keyframe
 ``/tf_static``       tf2_msgs/TFMessage        map frame -> mls_map, always the same
 ==================== ========================= =================================================
 
-Each message holds the whole state: whoever jumps to a time sees the map of that time, and who
-listens late is told the last (all topics but ``/tf`` are offered as transient local). The frame of
-the map is told with every state, for ``ros2 bag play --start-offset`` leaves out all that came
-before. So that the file grows with what changes, and not with the batches times the map, a state
-is written when a share of the map has changed since the last; the finished map comes at the end.
+Each message holds the whole state: a viewer that jumps to a time shows the map of that time, and a
+late subscriber gets the last state (all topics but ``/tf`` are transient local). The transform to
+`mls_map` is repeated with every state, because ``ros2 bag play --start-offset`` skips all earlier
+messages. A state is written once a certain share of the map has changed since the last one, so that
+the file grows with what changes and not with the number of batches; the finished map comes last.
 
-RViz draws clouds in float32 alone. The map is told in a frame of its own, `mls_map`, whose origin
-is a cell near the map, so that nothing is lost far from the origin of the map frame; beside the
-coordinates to be drawn, patches have their cells, and their heights in float64.
+RViz draws clouds in float32 only. The map therefore has a frame of its own, `mls_map`, whose origin
+lies near the map: no precision is lost far from the origin of the map frame. Besides the
+coordinates to draw, patches carry their cell indices, and their heights in float64.
 """
 
 from __future__ import annotations
@@ -72,17 +72,17 @@ PATCH_POINT = np.dtype(
     ],
     align=True,
 )
-"""A patch in the cloud: place in `mls_map`, colour (0xRRGGBB), columns of the map as they are."""
+"""A patch in the cloud: position in `mls_map`, colour (0xRRGGBB), unchanged columns of the map."""
 
 # A state is written once this share of its patches has come or gone since the last.
 SHARE = 1 / 16
 
-# The frame of the map begins a multiple of so many cells from that of the map frame, along each
-# axis: viewers begin at the origin of a frame, and should have the map in sight from there.
+# The origin of `mls_map` is a multiple of so many cells away from that of the map frame, along each
+# axis, and near the map: viewers start at the origin of a frame, and should see the map from there.
 _ROUND = 10
 
-# A keyframe whose time is not known, or that no clock of ROS can show, comes so much later (ns)
-# than the one before. None is at 0: to ROS, that is a clock not set yet.
+# A keyframe whose time is unknown, or outside the range of ROS's clocks, comes so much later (ns)
+# than the one before. No keyframe is at 0: to ROS, that is a clock that is not set yet.
 _INTERVAL_NANOSECONDS = 10**8
 _EARLIEST, _LATEST = 1, (2**31 - 1) * 10**9
 
@@ -98,14 +98,15 @@ def write_replay(
 
     Parameters
     ----------
-    path
+    path : path-like
         The MCAP file.
-    surface
+    surface : SurfaceMap
         The finished map.
     changes : iterable of Change
-        What came and went, batch by batch, as a follower of `MapBuilder` is told; or as
-        `mlscli.maps.uncovering.growth` makes it up for a map whose making nobody followed.
+        The changes of each batch, as a follower of `MapBuilder` receives them, or as
+        `mlscli.maps.uncovering.growth` derives them from a finished map.
     overwrite : bool
+        Whether an existing file is replaced.
 
     Raises
     ------
@@ -121,9 +122,13 @@ def write_replay(
 
 @contextmanager
 def open_replay(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Replay]:
-    """Open a replay that becomes `path` when the block ends without an error.
+    """Open a replay; the file appears at `path` when the block ends without an error.
 
-    What a map looked like is in the file once it is told, and not held in memory.
+    States are written to the file as they come, and not held in memory.
+
+    Yields
+    ------
+    Replay
 
     Raises
     ------
@@ -144,7 +149,13 @@ def open_replay(path: str | os.PathLike[str], *, overwrite: bool = False) -> Ite
 
 
 class Replay:
-    """Follows a map that grows, and writes its states and where the craft was meanwhile."""
+    """Follows a map as it grows, and writes its states and the route of the craft.
+
+    Parameters
+    ----------
+    bag : BagWriter
+        The bag to write to, with the topics `TOPICS`.
+    """
 
     def __init__(self, bag: BagWriter) -> None:
         self._bag = bag
@@ -157,7 +168,7 @@ class Replay:
         self._origin: Float64 | None = None
 
     def follow(self, change: Change) -> None:
-        """Take what a batch changed, once the state before is written where much is new in it."""
+        """Take the change of a batch; write the state before it first if enough has changed."""
         if self._state is None:
             self._state = TiledMap(change.grid)
         elif self._changed >= max(SHARE * self._size, 1):
@@ -169,18 +180,21 @@ class Replay:
         self._pass(change.route)
 
     def finish(self, surface: SurfaceMap) -> None:
-        """Write the finished map, and what is left of its route."""
+        """Write the finished map and the rest of its route."""
         self._pass(surface.route[len(self._stamps) :])
         self._write(surface)
 
     def _pass(self, route: Float64) -> None:
-        """Take keyframes that the craft came to."""
+        """Take further rows of the route, float64 (K, 4)."""
         for time in route[:, 0].tolist():
             self._stamps.append(self._stamp(time))
         self._positions.append(route[:, 1:])
 
     def _stamp(self, time: float) -> int:
-        """Return the time (ns) of the next keyframe, never before the one before it."""
+        """Return the time (ns) of the next keyframe, never before the previous one.
+
+        `time` is in seconds. Times count only if that of the first keyframe is usable.
+        """
         is_known = 0 <= time * 10**9 <= _LATEST
         if not self._stamps:
             self._has_clock = is_known
@@ -190,7 +204,7 @@ class Replay:
         return min(before + _INTERVAL_NANOSECONDS, _LATEST)
 
     def _write(self, surface: SurfaceMap) -> None:
-        """Write a state of the map at the time of the latest keyframe, and the way until there."""
+        """Write a state of the map at the time of the latest keyframe, and the route up to it."""
         self._changed = 0
         stamps = self._stamps or [_INTERVAL_NANOSECONDS]
         if self._origin is None:
@@ -217,7 +231,7 @@ class Replay:
 
 
 def _near(surface: SurfaceMap) -> Float64:
-    """Return a place near a map, a round number of cells from its origin."""
+    """Return a place (3,) near a map, multiples of `_ROUND` cells from the map frame's origin."""
     if not surface.size:
         return np.zeros(3)
     step = _ROUND * surface.cell_size
@@ -226,7 +240,7 @@ def _near(surface: SurfaceMap) -> Float64:
 
 
 def _records(surface: SurfaceMap, origin: Float64) -> Array:
-    """Return the patches as they are in the cloud."""
+    """Return the patches as `PATCH_POINT` records (P,), placed relative to `origin` (3,)."""
     records = np.zeros(surface.size, PATCH_POINT)
     place = patch_places(surface) - origin
     with np.errstate(over="ignore"):

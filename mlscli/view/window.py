@@ -1,6 +1,6 @@
 """A map in a window of Open3D, on a desktop.
 
-Open3D is large, and needs libraries of the system; it is imported here alone.
+Open3D is large and needs system libraries; it is imported nowhere else.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ def show(surface: SurfaceMap, title: str) -> None:
     Raises
     ------
     OutputError
-        Where there is no display, Open3D cannot be loaded, or it opens no window.
+        Where there is no display, or Open3D cannot be loaded or cannot open a window.
     """
     displays = ("DISPLAY", "WAYLAND_DISPLAY")
-    # Open3D would wait for ever for what nobody can see.
+    # Without a display, Open3D would wait for ever.
     if sys.platform == "linux" and not any(os.environ.get(name) for name in displays):
         raise OutputError(f"there is no display ({' and '.join(displays)} are not set)")
     open3d = _open3d()
     mesh = build_mesh(surface)
     colours = mesh.colours / 255
-    # The window computes in float32: what is far from its origin would tremble.
+    # The window computes in float32: vertices far from its origin would jitter.
     places = mesh.vertices - (np.median(mesh.vertices, axis=0) if len(mesh.vertices) else 0)
     vectors = open3d.utility.Vector3dVector
     faces = open3d.geometry.TriangleMesh(
@@ -70,6 +70,6 @@ def _open3d() -> Any:
             import open3d
         except (ImportError, OSError) as error:
             raise OutputError(f"Open3D cannot be loaded ({error})") from error
-    # Its own words would stand beside the program's.
+    # Keep Open3D's messages out of the program's output.
     open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
     return open3d

@@ -1,7 +1,7 @@
 """Reconstructions from photographs: cameras and the points they saw, as keyframes.
 
-Each camera is a keyframe, in order, even one without points. A point belongs to the first that
-saw it; points that none saw are a keyframe of their own, the last.
+Each camera is a keyframe, in order, even one without points. A point belongs to the first camera
+that saw it; points that no camera saw are a keyframe of their own, the last.
 """
 
 from __future__ import annotations
@@ -21,9 +21,16 @@ from mlscli.runtime.arrays import Float64, Int64
 
 
 class Camera(NamedTuple):
-    """Where and when a photograph was taken, and how the camera was turned; NaN where not known.
+    """The pose of a camera and the time of its photograph; NaN where not known.
 
-    The attitude is a quaternion x, y, z, w from the camera's axes to the world's.
+    Attributes
+    ----------
+    position : tuple of float
+        x, y, z in the frame of the reconstruction (the world).
+    stamp : float
+        Seconds.
+    attitude : tuple of float
+        Quaternion x, y, z, w from the camera's axes to the world's.
     """
 
     position: tuple[float, float, float] = UNKNOWN_POSITION
@@ -32,7 +39,7 @@ class Camera(NamedTuple):
 
     @classmethod
     def of(cls, rotation: Rotation, translation: Sequence[float]) -> Camera:
-        """Return the camera whose points are ``rotation * world + translation``: at -R^T t."""
+        """Return the camera of a transform R, t from the world to it; its position is -R^T t."""
         with np.errstate(all="ignore"):
             x, y, z = (-rotation.inv().apply(np.asarray(translation, dtype=np.float64))).tolist()
         qx, qy, qz, qw = rotation.inv().as_quat().tolist()
@@ -47,11 +54,13 @@ def by_camera(
     Parameters
     ----------
     path : Path
-        What to call it.
+        The name of the reconstruction in notes.
     points : float64 (N, 3)
+        Coordinates in the frame of the reconstruction.
     first : int64 (N,)
-        The first camera that saw each point; -1 where none did.
+        Index of the first camera that saw each point; -1 where none did.
     cameras : sequence of Camera
+        In the order of the keyframes.
     losses : sequence of str
         What could not be read.
     """

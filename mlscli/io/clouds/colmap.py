@@ -1,7 +1,7 @@
 """COLMAP's sparse models: points3D and images, as text or binary.
 
-Images in the order of their names are keyframes. An image's rotation (a quaternion, w first) and
-translation take the world to the camera. (https://colmap.github.io/format.html)
+The images, sorted by name, are the keyframes. An image's rotation (a quaternion, w first) and
+translation take points of the world to the camera. (https://colmap.github.io/format.html)
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _POINT = (
     *(Member(name, "f8") for name in "xyz"),
     *(Member(name, "u1") for name in ("red", "green", "blue")),
     Member("error", "f8"),
-    # Of each observation the image, u4, and which of its features, u4.
+    # Each observation holds the number of an image, u4, and that of its feature, u4.
     Member("track", "V8", "u8"),
 )
 _XYZ_AND_TRACK = (1, 2, 3, 8)
@@ -67,7 +67,7 @@ class ColmapModel(PointFile):
         )
 
     def _points_file(self) -> Path:
-        """Return the file of points; COLMAP, too, prefers the binary one."""
+        """Return the file of points; in a folder the binary one, if there is one, as in COLMAP."""
         if self.path.is_dir():
             binary = self.path / "points3D.bin"
             return binary if binary.exists() else self.path / "points3D.txt"
@@ -75,7 +75,16 @@ class ColmapModel(PointFile):
 
 
 class _Image(NamedTuple):
-    """An image; sorts by name."""
+    """An image; sorts by name.
+
+    Attributes
+    ----------
+    name : str
+    id : int
+        Its number in the model.
+    camera : Camera
+        Its pose.
+    """
 
     name: str
     id: int
@@ -83,7 +92,7 @@ class _Image(NamedTuple):
 
 
 def _camera(pose: Sequence[float]) -> Camera:
-    """Return a camera, from its quaternion, w first, and its translation."""
+    """Return the camera of a quaternion, w first, and a translation; unknown if not a rotation."""
     w, x, y, z, *translation = pose
     # False for NaN, too.
     if not 1e-6 < math.hypot(w, x, y, z) < 1e6:
@@ -129,7 +138,7 @@ def _declared(file: Path, data: UInt8) -> int:
 
 
 def _first_images(data: UInt8, tracks: Int64, ranks: dict[int, int]) -> Int64:
-    """Return the lowest rank of the images in each track; -1 where none is known."""
+    """Return the lowest rank of the images in each track, int64 (N,); -1 where none is known."""
     begin, lengths = tracks.T
     before = np.cumsum(lengths) - lengths
     at = np.repeat(begin - before * _OBSERVATION, lengths)
@@ -146,7 +155,7 @@ def _first_images(data: UInt8, tracks: Int64, ranks: dict[int, int]) -> Int64:
 
 
 def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
-    """Read images: of each a line, and a line of its features, which may be empty."""
+    """Read images: each is a line, and a line of its features, which may be empty."""
     images, tally = list[_Image](), _DeclaredCount(file)
     with file.open(encoding="utf-8", errors="replace") as lines:
         for line in lines:
@@ -155,7 +164,7 @@ def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
             words = line.split(maxsplit=9)
             try:
                 pose = [float(word) for word in words[1:8]]
-                # A name that the file ends in may have lost its end.
+                # A name at the end of the file may be cut.
                 if len(words) < 10 or not line.endswith("\n"):
                     raise ValueError
                 images.append(_Image(words[9].strip(), int(words[0]), _camera(pose)))
@@ -166,7 +175,7 @@ def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
 
 
 def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, list[str]]:
-    """Read points, a line each: the number, x, y, z, a colour, an error, and the track."""
+    """Read points, a line each: number, x, y, z, colour, error and track."""
     points, first, tally = list[list[float]](), list[int](), _DeclaredCount(file)
     unknown = len(ranks)
     with file.open(encoding="utf-8", errors="replace") as lines:
@@ -190,7 +199,7 @@ def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, lis
 
 
 class _DeclaredCount:
-    """Passes over the comments of a text, and counts what is declared there and broken."""
+    """Skips the comments of a text; keeps the count that they declare, and broken lines."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
@@ -198,17 +207,17 @@ class _DeclaredCount:
         self._broken: list[str] = []
 
     def passes(self, line: str) -> bool:
-        """Tell whether a line is blank or a comment."""
+        """Return whether a line is blank or a comment; keep the count that it declares."""
         if declared := _DECLARED.match(line):
             self._declared = int(declared[1])
         return not line.strip() or line.startswith("#")
 
     def fault(self, line: str) -> None:
-        """Count a broken line."""
+        """Keep a broken line."""
         self._broken.append(short(line.strip()))
 
     def losses(self, came: int, what: str) -> list[str]:
-        """Say what is missing."""
+        """Return a line that says how many are missing; none where all came."""
         declared = max(self._declared, came + len(self._broken))
         fault = f"the first broken line is {self._broken[0]}" if self._broken else ""
         return [shortfall(self._file, came, declared, fault, what)] if came < declared else []

@@ -1,4 +1,4 @@
-"""Lines of text as columns: their names, their fields, and a quick way to their numbers."""
+"""Parse lines of text as columns: their names, fields and numbers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,13 @@ _WITHOUT_BLANKS = str.maketrans(";", ",", " \t")
 
 
 def blocks(file: TextIO, path: Path) -> Iterator[tuple[int, str]]:
-    """Yield whole lines a few megabytes at a time, with the number of the first.
+    """Yield whole lines a few megabytes at a time.
+
+    Yields
+    ------
+    line : int
+        Number of the first of them, from 1.
+    text : str
 
     Raises
     ------
@@ -50,7 +56,7 @@ def blocks(file: TextIO, path: Path) -> Iterator[tuple[int, str]]:
 
 
 def parse_columns(columns: str) -> dict[str, int]:
-    """Return where each named column stands in ``x,y,z,-,keyframe``; ``-`` skips one.
+    """Return the index of each column named in ``x,y,z,-,keyframe``; ``-`` skips a column.
 
     Raises
     ------
@@ -77,7 +83,7 @@ def parse_columns(columns: str) -> dict[str, int]:
 
 
 def header_columns(names: Sequence[str]) -> dict[str, int] | None:
-    """Return where each known column stands in a header; None where x, y, z are not clear."""
+    """Return the index of each known column of a header; None where some lack or are repeated."""
     known = [_OTHER_NAMES.get(name, name) for name in names]
     if _missing(known) or any(known.count(name) > 1 for name in COLUMNS):
         return None
@@ -85,12 +91,12 @@ def header_columns(names: Sequence[str]) -> dict[str, int] | None:
 
 
 def is_known(name: str) -> bool:
-    """Tell whether a column of a header is one that is read."""
+    """Return whether a column of a header is one that is read."""
     return _OTHER_NAMES.get(name, name) in COLUMNS
 
 
 def _missing(names: Sequence[str]) -> str:
-    """Say which columns these lack; nothing where they suffice."""
+    """Return which columns are missing, as text; empty where none is."""
     centre = [name for name in ("cx", "cy", "cz") if name in names]
     needed = ["x", "y", "z", *(["cx", "cy", "cz"] if centre else [])]
     absent = [name for name in needed if name not in names]
@@ -98,7 +104,7 @@ def _missing(names: Sequence[str]) -> str:
 
 
 def fields(line: str) -> list[str]:
-    """Split a line; a missing value is an empty field, a comment or blank line has none."""
+    """Split a line into fields, empty for missing values; a comment or blank line has none."""
     line = line.partition("#")[0].strip(" \t").rstrip(_SEPARATORS)
     if not line or line.startswith("//"):
         return []
@@ -106,7 +112,7 @@ def fields(line: str) -> list[str]:
 
 
 def has_decimal_commas(line: str) -> bool:
-    """Tell whether a line is of numbers like 1,5 parted by semicolons, blanks or tabs."""
+    """Return whether a line is of numbers like 1,5 separated by semicolons, blanks or tabs."""
     words = line.partition("#")[0].strip().rstrip(";").replace(";", " ").split()
     return len(words) > 1 and all(_DECIMAL_COMMA.fullmatch(word) for word in words)
 
@@ -117,12 +123,12 @@ def header_names(line: str) -> list[str]:
 
 
 def is_blank(line: str) -> bool:
-    """Tell whether a line holds nothing but separators; a comment is something."""
+    """Return whether a line holds nothing but separators; a comment is not blank."""
     return not line.strip(_SEPARATORS)
 
 
 def is_number(word: str) -> bool:
-    """Tell whether Python reads the word as a number; ``nan`` and ``inf`` are numbers."""
+    """Return whether Python reads a word as a number; ``nan`` and ``inf`` are numbers."""
     try:
         float(word)
     except ValueError:
@@ -131,9 +137,9 @@ def is_number(word: str) -> bool:
 
 
 def clean(text: str) -> str:
-    """Return lines of fields parted by blanks, missing values as nan, without comments.
+    """Return lines of fields separated by blanks, missing values as nan, without comments.
 
-    Blank lines stay; lines that are only a comment go.
+    Blank lines are kept; lines that are only a comment are removed.
     """
     bare = text.translate(_WITHOUT_BLANKS)
     plain = not any(mark in text for mark in ("#", "//", '"', "'")) and not any(
@@ -157,12 +163,12 @@ def numbers(cleaned: str, places: Iterable[int]) -> Float64 | None:
     cleaned : str
         At least one line that is not blank.
     places : ints
-        Which columns to return, in this order.
+        Indices of the columns to return, in this order.
 
     Returns
     -------
     float64 (N, columns) or None
-        Each number as Python's `float` reads it; None where a line is broken.
+        Each number as Python's `float` reads it; None if a line is broken.
     """
     try:
         return np.loadtxt(io.StringIO(cleaned), comments=None, usecols=tuple(places), ndmin=2)
@@ -171,7 +177,15 @@ def numbers(cleaned: str, places: Iterable[int]) -> Float64 | None:
 
 
 def first_fault(text: str, layout: dict[str, int]) -> tuple[int, str]:
-    """Return the index of the first broken line, what it holds, and what was expected."""
+    """Return the index of the first broken line, and what was found and expected there.
+
+    Parameters
+    ----------
+    text : str
+        Lines of which one is broken.
+    layout : dict of str to int
+        Index of each column, by name.
+    """
     for number, line in enumerate(text.split("\n")):
         words = fields(line)
         for name, place in layout.items() if words else ():
@@ -187,7 +201,7 @@ def first_fault(text: str, layout: dict[str, int]) -> tuple[int, str]:
 
 
 def short(text: str) -> str:
-    """Quote a text, cut to what fits on a line."""
+    """Quote a text, cut to 40 characters; an empty text stays empty."""
     return repr(text if len(text) <= 40 else text[:37] + "...") if text else ""
 
 

@@ -1,7 +1,7 @@
 """LAS and LAZ files as clouds, through laspy and lazrs: scaled coordinates in float64.
 
-All points are taken but those flagged as withheld, which the format's description calls deleted.
-(ASPRS, LAS Specification 1.4 R15.)
+Points flagged as withheld are left out: the specification calls them deleted. (ASPRS, LAS
+Specification 1.4 R15.)
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mlscli.io.clouds.structures import mapped
 from mlscli.io.source import keyframe_field, side_by_side
 from mlscli.runtime.arrays import Array, Float64
 
-# What it has to say is raised too.
+# What laspy logs is also raised.
 logging.getLogger("laspy").addHandler(logging.NullHandler())
 
 _CHUNK_BYTES = 1 << 22
@@ -61,22 +61,22 @@ class LasCloud(PointFile):
         )
 
     def _header(self) -> tuple[laspy.LasHeader, bool]:
-        """Read the header, and tell whether the points can be read without seeking.
+        """Return the header, and whether the points can be read without seeking.
 
-        Then a file that was cut can be, too: compressed points are found without the table of
-        chunks at their end, unless these are of any size.
+        If so, a file that was cut can be read, too. Only compressed points in chunks of different
+        sizes need seeking: to the table of chunks at their end.
 
         Raises
         ------
         InputError
-            It is not whole, or contradicts itself.
+            The header is not whole, or contradicts itself.
         """
         data = mapped(self.path)
         try:
             _, size, begin, records = _HEADER.unpack_from(data.data)
             if len(data) < max(begin, _SHORTEST_HEADER):
                 raise ValueError(f"the file ends at byte {len(data):,}, before its points")
-            # laspy reads as many as are declared, be they there or not.
+            # laspy reads as many records as are declared, whether they are there or not.
             if records * _VARIABLE_RECORD > begin - size:
                 raise ValueError(f"{records:,} variable length records do not fit the header")
             with self.path.open("rb") as file:
@@ -86,14 +86,23 @@ class LasCloud(PointFile):
             (packing,) = header.vlrs.get("LasZipVlr")
             check_packing(header, packing)
             return header, not needs_table(header, packing, data)
-        # A damaged header can fail in any way that laspy knows.
+        # laspy fails in many ways on damaged headers.
         except Exception as error:
             raise InputError(
                 f"{self.path}: the header cannot be read: {one_line(error)}"
             ) from error
 
     def _part(self, steps: Iterable[int], left: int, one_way: bool) -> _ChunkedPoints:
-        """Read so many points at a time, until all came or no more can be read."""
+        """Read points until `left` of them have come or no more can be read.
+
+        Parameters
+        ----------
+        steps : iterable of int
+            How many points to read at a time.
+        left : int
+        one_way : bool
+            Whether to read without seeking.
+        """
         part = _ChunkedPoints([], [], [], "")
         with self.path.open("rb") as file:
             try:
@@ -116,7 +125,7 @@ class LasCloud(PointFile):
                         part.labels.append(np.asarray(chunk[label])[kept])
                     part.sizes.append(len(chunk))
                     left -= len(chunk)
-            # Damaged points can fail in any way that laspy and lazrs know, panics of Rust included.
+            # laspy and lazrs fail in many ways on damaged points, panics of Rust included.
             except BaseException as error:
                 if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
                     raise
@@ -125,7 +134,19 @@ class LasCloud(PointFile):
 
 
 class _ChunkedPoints(NamedTuple):
-    """Chunks of points and their keyframes, how many points each had, and what ended them."""
+    """Points as read, in chunks.
+
+    Attributes
+    ----------
+    points : list of float64 (N, 3)
+        Scaled coordinates, without withheld points.
+    labels : list of (N,)
+        The keyframe of each of these points; empty where no dimension holds it.
+    sizes : list of int
+        Number of points read in each chunk, with withheld ones.
+    fault : str
+        Why no more could be read; empty where all were.
+    """
 
     points: list[Float64]
     labels: list[Array]
@@ -134,13 +155,13 @@ class _ChunkedPoints(NamedTuple):
 
 
 class _OneWay(io.RawIOBase):
-    """A file that cannot be sought in."""
+    """A file without seeking."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
 
     def readable(self) -> bool:
-        """Say that it can be read."""
+        """Return True."""
         return True
 
     def readinto(self, buffer: Any, /) -> int:

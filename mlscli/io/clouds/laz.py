@@ -1,4 +1,4 @@
-"""What a LAZ file says of its chunks, checked before lazrs, which trusts it, allocates for it.
+"""Check what a LAZ file states of its chunks, for which lazrs allocates memory unchecked.
 
 (M. Isenburg, LASzip: lossless compression of LiDAR data, 2013, and its revision for LAS 1.4.)
 """
@@ -13,12 +13,12 @@ import numpy as np
 
 from mlscli.runtime.arrays import UInt8
 
-# The record's last part: the type, size and version of each item that makes up a point.
+# Where the items of a point begin in LASzip's record: type, size and version of each.
 _ITEMS = 34
 _ITEM = struct.Struct("<3H")
 _TABLE_PLACE = struct.Struct("<q")
 _TABLE_HEAD = struct.Struct("<II")
-# Formats from 6 on are compressed in layers: of the coordinates and flags, and then of each item.
+# Formats from 6 on are compressed in layers: those of coordinates and flags, then of each item.
 _LAYERED = 6
 _LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}
 
@@ -26,10 +26,16 @@ _LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}
 def check_packing(header: Any, packing: Any) -> None:
     """Refuse points that are not compressed as their format says.
 
+    Parameters
+    ----------
+    header : laspy.LasHeader
+    packing : laspy VLR
+        The record of LASzip.
+
     Raises
     ------
     ValueError
-        The items are others than those of the format.
+        The compressed items of a point differ from those of the format.
     """
     usual = lazrs.LazVlr.new_for_compression(
         header.point_format.id, header.point_format.num_extra_bytes
@@ -39,12 +45,20 @@ def check_packing(header: Any, packing: Any) -> None:
 
 
 def needs_table(header: Any, packing: Any, data: UInt8) -> bool:
-    """Tell whether chunks hold any number of points, which only a table at the end tells.
+    """Return whether chunks differ in size, so that the table of chunks at the end is needed.
+
+    Parameters
+    ----------
+    header : laspy.LasHeader
+    packing : laspy VLR
+        The record of LASzip.
+    data : uint8 (bytes,)
+        The file.
 
     Raises
     ------
     ValueError
-        They do, and the table is missing.
+        The table is needed, and is missing or lists more chunks than there can be.
     """
     if not lazrs.LazVlr(packing.record_data).uses_variable_size_chunks():
         return False
@@ -60,12 +74,12 @@ def needs_table(header: Any, packing: Any, data: UInt8) -> bool:
 
 
 def readable_points(header: Any, data: UInt8) -> int:
-    """Return how many points can be tried: where they are layered, those of whole chunks."""
+    """Return how many points to try to read: in layered formats, those of whole chunks."""
     count: int = header.point_count
     if header.point_format.id < _LAYERED:
         return count
     layers = _LAYERS[header.point_format.id] + header.point_format.num_extra_bytes
-    # A chunk is its first point, the number of its points, the layers' sizes, and the layers.
+    # A chunk is its first point, the number of its points, the sizes of the layers, and the layers.
     sizes = np.dtype("<u4")
     at, whole = header.offset_to_point_data + _TABLE_PLACE.size, 0
     while whole < count:

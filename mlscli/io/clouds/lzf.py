@@ -1,8 +1,8 @@
 """LZF decompression (M. Lehmann's liblzf), which PCD files use.
 
-A control byte below 32 is followed by as many literal bytes and one more. Above, its upper three
-bits are a length (7: the next byte adds to it) and its lower five with the byte that follows a
-distance; the bytes that far back are repeated, two more than the length.
+A control byte c below 32 is followed by c + 1 literal bytes. Of any other, the upper three bits are
+a length (if 7, the next byte is added to it), and the lower five with the byte that follows are a
+distance: length + 2 bytes are repeated, from distance + 1 bytes back.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from mlscli.runtime.arrays import UInt8
 from mlscli.runtime.kernels import kernel
 
 _MOST_PER_BYTE = 88
-"""Three bytes repeat 264 at the most."""
+"""Three bytes repeat at most 264: 88 for each."""
 
 
 def decompress(data: UInt8, size: int) -> UInt8:
-    """Return up to `size` bytes: fewer where the data ends early or contradicts itself."""
+    """Return up to `size` bytes, uint8 (N,): fewer if the data ends early or contradicts itself."""
     out = np.empty(min(size, _MOST_PER_BYTE * len(data)), dtype=np.uint8)
     return out[: _decompress(np.ascontiguousarray(data), out)]
 
@@ -45,7 +45,7 @@ def _decompress(data: UInt8, out: UInt8) -> int:
             if start < 0:
                 return written
             length = min(length + 2, len(out) - written)
-            # The bytes repeated may be among those that are being written.
+            # The repeated bytes may overlap those being written.
             for k in range(length):
                 out[written + k] = out[start + k]
         written += length

@@ -1,4 +1,4 @@
-"""NumberLines of numbers in a text, as many as a header declares."""
+"""Read lines of numbers in a text, as many as a header declares."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ Item = TypeVar("Item")
 
 
 class Pick(Protocol):
-    """Takes what is wanted out of a row; an IndexError or ValueError where it is not there."""
+    """Picks the wanted items of a row; raises IndexError or ValueError where one is missing."""
 
     def __call__(self, row: Sequence[Item], /) -> list[Item]:
-        """Return the wanted ones."""
+        """Return the wanted items."""
 
 
 class NumberLines(NamedTuple):
-    """NumberLines read.
+    """The rows read.
 
     Attributes
     ----------
     values : float64 (N, columns)
-        Of each whole row, what was picked.
+        The numbers picked of each whole row; (0, 0) where there is none.
     fault : str
-        What is wrong with the first row that is not; empty where there is none.
+        What is wrong with the first broken row; empty where there is none.
     """
 
     values: Float64
@@ -48,14 +48,14 @@ def open_lines(path: Path, begin: int) -> Iterator[LineReader]:
 
 
 class LineReader:
-    """Reads rows in turn; blank lines and comments are none.
+    """Reads rows in turn; blank lines and comments are skipped.
 
     Parameters
     ----------
     file : text file
         At the first row.
     path : Path
-        What to call it.
+        Its name in errors.
     """
 
     def __init__(self, file: TextIO, path: Path) -> None:
@@ -64,7 +64,7 @@ class LineReader:
         self._ends_whole = True
 
     def skip(self, count: int) -> None:
-        """Pass over rows."""
+        """Skip rows, at most as many as there are."""
         while count and (rows := self._take(count)):
             count -= len(rows)
 
@@ -74,17 +74,17 @@ class LineReader:
         Parameters
         ----------
         count : int
-            As the file declares it, of any size.
+            As the file declares it; may exceed what there is.
         pick : Pick
-            Which numbers of a row to return.
-        width : int, optional
+            Picks the numbers of a row to return.
+        width : int or None
             How many numbers a row has; None where rows differ.
         """
         values: list[Float64] = []
         first_fault, came = "", 0
         while came < count and (rows := self._take(count - came)):
             if came + len(rows) < count and not self._waiting and not self._ends_whole:
-                # Cut within its last number it would look whole.
+                # A row that is cut within its last number would look whole.
                 rows.pop()
             block, fault = _numbers(rows, pick, width)
             if len(block):
@@ -115,8 +115,8 @@ class LineReader:
 def _numbers(
     rows: Sequence[str], pick: Pick, width: int | None
 ) -> tuple[Float64, tuple[int, str] | None]:
-    """Return what was picked of each whole row, and which is the first broken one and why."""
-    # A row of so many numbers has at least as many characters.
+    """Return the numbers picked of each whole row, and index and fault of the first broken one."""
+    # A row has no fewer characters than numbers: a declared width beyond that is not tried.
     if rows and width is not None and width <= len(rows[0]):
         block = lines.numbers(lines.clean("\n".join(rows)), range(width))
         if block is not None:
@@ -135,7 +135,7 @@ def _numbers(
 
 
 def _number(word: str) -> float:
-    """Return a number; of a missing value NaN."""
+    """Return the number that a word is; NaN for a missing value."""
     if word and not lines.is_number(word):
         raise ValueError
     return float(word or "nan")

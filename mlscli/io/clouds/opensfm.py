@@ -1,8 +1,8 @@
 """Reconstructions of OpenSfM and OpenDroneMap: reconstruction.json and tracks.csv.
 
-Shots in the order of their capture times, then of their names, are keyframes. A shot's rotation
-(an axis times an angle) and translation take the world to the camera. Each row of tracks.csv
-begins with a shot and a point that it saw, parted by a tab; what follows depends on the version.
+The shots, sorted by capture time, then by name, are the keyframes. A shot's rotation (an axis times
+an angle in radians) and translation take points of the world to the camera. Each row of tracks.csv
+begins with a shot and a point that it saw, separated by a tab; what follows depends on the version.
 (https://opensfm.org/docs/dataset.html)
 """
 
@@ -26,7 +26,7 @@ _LEAST_TRACK_COLUMNS = 8
 
 
 class OpenSfmReconstruction(PointFile):
-    """A reconstruction.json; tracks.csv lies beside it, or all points are one keyframe."""
+    """A reconstruction.json; without a tracks.csv beside it, all points are one keyframe."""
 
     kind = "OpenSfM reconstruction"
 
@@ -50,16 +50,16 @@ class OpenSfmReconstruction(PointFile):
         return content._replace(notes=[*notes, *content.notes])
 
     def _document(self) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
-        """Return the shots and the points of the largest reconstruction, and a note if several.
+        """Return shots and points of the largest reconstruction, and a note if there are several.
 
         Raises
         ------
         InputError
-            It is not whole JSON, or lacks shots or points.
+            The file is not whole JSON, or lacks shots or points.
         """
         try:
             document = json.loads(self.path.read_bytes())
-        # Among them that the text is no UTF-8, and that a number is too long.
+        # A ValueError also where the text is no UTF-8, or a number is too long.
         except (ValueError, RecursionError) as error:
             raise InputError(f"{self.path}: is no whole JSON file: {error}") from error
         found = document if isinstance(document, list) else [document]
@@ -97,7 +97,7 @@ class OpenSfmReconstruction(PointFile):
     def _first_shots(
         self, tracks: Path, ranks: Mapping[str, int]
     ) -> tuple[dict[str, int], list[str]]:
-        """Return the lowest rank of the shots that saw each point."""
+        """Return the lowest rank of the shots that saw each point, by point; and losses."""
         first: dict[str, int] = {}
         broken = 0
         with tracks.open(encoding="utf-8", errors="replace") as lines:
@@ -112,7 +112,7 @@ class OpenSfmReconstruction(PointFile):
 
 
 def _camera(shot: Any) -> Camera:
-    """Return where and when a shot was taken, as far as it says."""
+    """Return the camera of a shot; what the shot does not state is NaN."""
     try:
         rotation, translation = (
             [float(value) for value in shot[key]] for key in ("rotation", "translation")
@@ -131,5 +131,5 @@ def _camera(shot: Any) -> Camera:
 
 
 def _time(camera: Camera) -> float:
-    """Return a time to sort by."""
+    """Return the time to sort a camera by; one without a time comes first."""
     return -math.inf if math.isnan(camera.stamp) else camera.stamp

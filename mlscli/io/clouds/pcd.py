@@ -1,14 +1,14 @@
-"""PCD files, the Point Cloud Library's, as clouds.
+"""PCD files, those of the Point Cloud Library, as clouds.
 
-A header of a word and its values a line, from ``VERSION`` to ``DATA``: ``FIELDS``, of each its
-``SIZE`` in bytes, ``TYPE`` (F, I, U) and ``COUNT``; ``WIDTH``, ``HEIGHT``, ``POINTS`` and
-``VIEWPOINT``. The points follow as rows (``ascii``), as records (``binary``), or field by field
-and compressed (``binary_compressed``). Numbers in a text are read as they are written.
+Each line of the header is a keyword and its values, from ``VERSION`` to ``DATA``: ``FIELDS``, and
+for each its ``SIZE`` in bytes, ``TYPE`` (F, I, U) and ``COUNT``; ``WIDTH``, ``HEIGHT``, ``POINTS``
+and ``VIEWPOINT``. The points follow as rows (``ascii``), as records (``binary``), or field by field
+and compressed (``binary_compressed``). Numbers in a text are read in float64, whatever their
+``TYPE``.
 
-``VIEWPOINT`` says from where the points were measured: a position and an orientation, the latter
-of which nothing is known here. It is where the craft was, in the frame of the points, which are
-taken as they stand, as the Point Cloud Library takes them; its usual value, all zero, says
-nothing.
+``VIEWPOINT`` is the pose from which the points were measured. Its position is taken as that of the
+craft, in the frame of the points; a position of zeros, the usual value, means that it is not known.
+Its orientation is not used: the points are not moved, as in the Point Cloud Library.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class PcdCloud(PointFile):
         Raises
         ------
         InputError
-            A line that is needed is missing or wrong.
+            A line that is needed is missing, or a line is wrong.
         """
         with self.path.open("rb") as file:
             head = file.read(_LONGEST_HEADER)
@@ -109,7 +109,7 @@ class PcdCloud(PointFile):
     def _numbers(
         self, entries: dict[str, list[str]], key: str, count: int, default: str
     ) -> list[int]:
-        """Return the whole numbers of an entry."""
+        """Return the `count` whole numbers of an entry; the default for each if it is missing."""
         words = entries.get(key, [default] * count)
         if len(words) != count or not all(
             w.isascii() and w.isdigit() and len(w) < 19 for w in words
@@ -122,7 +122,7 @@ class PcdCloud(PointFile):
         return [int(word) for word in words]
 
     def _wanted(self, header: _Header) -> list[int]:
-        """Return which fields are the coordinates, and the keyframe where there is one."""
+        """Return the indices of the fields x, y, z and, where there is one, of the keyframe."""
         fields = header.fields
         for field in fields:
             if field.size * field.count > _LARGEST_FIELD:
@@ -153,7 +153,7 @@ class PcdCloud(PointFile):
         return list(values.reshape(-1, len(wanted)).T), fault
 
     def _records(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
-        """Return the wanted columns of points one after the other."""
+        """Return the wanted columns of binary records, and no fault."""
         fields = [
             Member(field.name, field.dtype if place in wanted else f"V{field.size * field.count}")
             for place, field in enumerate(header.fields)
@@ -162,11 +162,11 @@ class PcdCloud(PointFile):
         return read_structures(data, fields, header.points, wanted).columns, ""
 
     def _compressed(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
-        """Return the wanted columns of fields one after the other, and what is wrong with them."""
+        """Return the wanted columns of compressed points, and what is wrong with these."""
         sizes = [field.size * field.count * header.points for field in header.fields]
         starts = list(accumulate(sizes, initial=0))
         data = mapped(self.path)[header.size :]
-        # Both lengths; none where the file ends before them.
+        # Sizes in bytes, compressed and plain; bytes beyond the end of the file are 0.
         lengths = np.zeros(2, dtype="<u4")
         lengths.view(np.uint8)[: len(data[:8])] = data[:8]
         compressed, size = lengths.tolist()
@@ -191,7 +191,18 @@ class PcdCloud(PointFile):
 
 @dataclass(frozen=True)
 class _PcdField:
-    """What a header says of a field."""
+    """A field as the header declares it.
+
+    Attributes
+    ----------
+    name : str
+    size : int
+        Size of one number, in bytes.
+    type : str
+        F, I or U.
+    count : int
+        How many numbers it has.
+    """
 
     name: str
     size: int
@@ -200,12 +211,28 @@ class _PcdField:
 
     @property
     def dtype(self) -> str:
-        """Its numbers as numpy writes them, without byte order."""
+        """The numpy type of one number, without byte order."""
         return f"{self.type.lower()}{self.size}"
 
 
 class _Header(NamedTuple):
-    """What a header says: the layout of the points, where they begin and were seen from."""
+    """The content of a header.
+
+    Attributes
+    ----------
+    fields : list of _PcdField
+        In the order of the file.
+    points : int
+        Number of points that are declared.
+    position : tuple of float
+        x, y, z from which they were measured; NaN where not known.
+    data : str
+        How they are stored: one of `_DATA`.
+    size : int
+        Size of the header, in bytes.
+    notes : list of str
+        What the user should know about how the file is read.
+    """
 
     fields: list[_PcdField]
     points: int
@@ -216,7 +243,7 @@ class _Header(NamedTuple):
 
 
 def _position(viewpoint: Sequence[str]) -> tuple[float, float, float]:
-    """Return the position that VIEWPOINT states; unknown where it states none, or the usual 0."""
+    """Return the position in VIEWPOINT; unknown where it is missing, not finite or all zero."""
     try:
         x, y, z = (float(word) for word in viewpoint[:3])
     except ValueError:

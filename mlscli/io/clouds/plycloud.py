@@ -1,9 +1,9 @@
 """PLY files as clouds: the vertices, whatever their properties and whatever else is there.
 
-A header says which elements follow in which order, how many of each, and of which properties: a
-number, or a list that begins with its length. In ``ascii`` an element is a row, in
+The header lists the elements in the order of the file, with their counts and properties. A property
+is a number, or a list that begins with its length. In ``ascii`` an element is a row, in
 ``binary_little_endian`` and ``binary_big_endian`` a record. (G. Turk, The PLY Polygon File
-Format, 1994.) Numbers in a text are read as they are written, also where a property is ``float``.
+Format, 1994.) Numbers in a text are read in float64, also where a property is ``float``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
 from mlscli.runtime.arrays import Array
 
-# By the name of 1994 and by the later one, and as numpy writes them.
+# numpy's type for each name, that of 1994 and the later one.
 _TYPES = {
     name: type_
     for type_, names in (
@@ -69,11 +69,11 @@ class PlyCloud(PointFile):
         Raises
         ------
         InputError
-            It has no end, or a line of it is not understood.
+            The header has no end, or a line of it is not understood.
         """
         with self.path.open("rb") as file:
             head = file.read(_LONGEST_HEADER)
-        # The body of a binary file can begin with what elsewhere would belong to a line's end.
+        # The first line shows how lines end: a binary body may begin with bytes like a line end.
         newline = re.match(rb"ply[ \t]*(\r\n|\r|\n)", head)
         ending = newline[1] if newline else b"\n"
         end = re.search(ending + rb"end_header[ \t]*" + ending, head)
@@ -104,7 +104,7 @@ class PlyCloud(PointFile):
         return _Header(order, elements, end.end())
 
     def _wanted(self, vertex: _Element) -> list[int]:
-        """Return which properties are the coordinates, and the keyframe where there is one."""
+        """Return the indices of the properties x, y, z and, where there is one, of the keyframe."""
         wanted = wanted_fields("" if field.length else field.name for field in vertex.fields)
         if wanted is None:
             names = ", ".join(field.name for field in vertex.fields)
@@ -117,7 +117,7 @@ class PlyCloud(PointFile):
     def _records(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]
     ) -> tuple[list[Array], str]:
-        """Return the wanted columns of a binary file."""
+        """Return the wanted columns of a binary file, and no fault."""
         data = mapped(self.path)[header.size :]
         for element in header.elements[: header.elements.index(vertex)]:
             data = read_structures(data, element.fields, element.count, order=header.order).rest
@@ -135,7 +135,17 @@ class PlyCloud(PointFile):
 
 
 class _Header(NamedTuple):
-    """The byte order of numbers, empty for a text; the elements; the bytes of the header."""
+    """The content of a header.
+
+    Attributes
+    ----------
+    order : str
+        The byte order of numbers, < or >; empty for a text.
+    elements : list of _Element
+        In the order of the file.
+    size : int
+        Size of the header, in bytes.
+    """
 
     order: str
     elements: list[_Element]
@@ -144,7 +154,16 @@ class _Header(NamedTuple):
 
 @dataclass(frozen=True)
 class _Element:
-    """What a header says of an element."""
+    """An element as the header declares it.
+
+    Attributes
+    ----------
+    name : str
+    count : int
+        How many of it there are.
+    fields : list of Member
+        Its properties.
+    """
 
     name: str
     count: int
@@ -157,7 +176,15 @@ class _Element:
 
 
 class _Picker(NamedTuple):
-    """Takes fields out of a row, past the lists before them."""
+    """Picks fields of a row, past the lists before them: a `Pick`.
+
+    Attributes
+    ----------
+    fields : sequence of Member
+        All fields of a row.
+    places : sequence of int
+        Indices of the fields to pick, none of them a list.
+    """
 
     fields: Sequence[Member]
     places: Sequence[int]

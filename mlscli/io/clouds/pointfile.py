@@ -1,4 +1,4 @@
-"""What files of points have in common: no topics, no frames, read once and then held whole."""
+"""What files of points share: they have no topics or frames, and are read once and held whole."""
 
 from __future__ import annotations
 
@@ -26,12 +26,16 @@ from mlscli.runtime.arrays import Array, Float64
 
 
 class Content(NamedTuple):
-    """What a file holds: its keyframes in order, and what the user should know of them.
+    """The content of a file of points.
 
     Attributes
     ----------
-    clouds, notes, losses
-        As a source offers them.
+    clouds : sequence of Cloud
+        The keyframes, in order.
+    notes : sequence of str
+        What the user should know about how the file was read.
+    losses : sequence of str
+        What could not be read.
     stamps : float64 (N,)
         All times in seconds, in any order; NaN where not known.
     """
@@ -96,11 +100,11 @@ class PointFile(ABC):
         return (cloud for cloud in self._content.clouds if wanted(cloud.stamp))
 
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
-        """Tell nothing: clouds and positions of one file are in one frame."""
+        """Yield nothing: clouds and positions of one file are in one frame."""
         return iter(())
 
     def poses(self, topic: str) -> Iterator[StampedPoses]:  # noqa: ARG002
-        """Tell nothing: such files have no topics."""
+        """Yield nothing: such files have no topics."""
         return iter(())
 
     @cached_property
@@ -112,9 +116,13 @@ class PointFile(ABC):
 
 
 def wanted_fields(names: Iterable[str]) -> list[int] | None:
-    """Return the places of x, y, z and, where there is one, the keyframe; None where x, y, z lack.
+    """Return the indices of x, y, z and, if any, the keyframe; None where x, y or z is missing.
 
-    Of names alike, in capitals or not, the first counts; what is no number has an empty one.
+    Parameters
+    ----------
+    names : iterable of str
+        Names of all fields, empty for fields that are no number. Case does not matter; of several
+        equal names the first counts.
     """
     places = {name.lower(): place for place, name in reversed(list(enumerate(names)))}
     if not places.keys() >= {"x", "y", "z"}:
@@ -128,13 +136,33 @@ def by_keyframe(
     labels: Array | None,
     position: tuple[float, float, float] = UNKNOWN_POSITION,
 ) -> list[Cloud]:
-    """Return a cloud for each distinct label, in order of first appearance; without labels one."""
+    """Return a cloud for each keyframe, in order of first appearance.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+    labels : (N,) or None
+        The keyframe of each point; None: all points are one keyframe.
+    position : tuple of float
+        Position x, y, z of the craft, in all of them.
+    """
     if labels is None or not len(points):
         return [Cloud(points, position=position)]
     return [Cloud(points[rows], position=position) for rows in rows_by_first_appearance(labels)]
 
 
 def shortfall(path: Path, came: int, declared: int, fault: str = "", what: str = "points") -> str:
-    """Say how many of the points declared are missing, and why."""
+    """Return a line that says how many of the points declared are missing, and why.
+
+    Parameters
+    ----------
+    path : Path
+    came, declared : int
+        Number of points read, and of points declared.
+    fault : str
+        What is wrong with the missing ones; empty where the file ends before them.
+    what : str
+        What they are, where they are no points.
+    """
     why = fault or "the file ends before them"
     return f"{path}: {declared - came:,} of {declared:,} {what} are missing: {why}"

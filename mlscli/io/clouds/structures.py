@@ -1,8 +1,8 @@
-"""Binary records one after the other, of numbers and of lists that say their own length.
+"""Read successive binary records of numbers, and of lists that begin with their length.
 
-A record's fields follow each other without gaps. Where no field is a list, all records have one
-size and columns are views of the file; otherwise the records are walked once. Counts and lengths
-are taken from the file, so nothing is allocated that the bytes at hand could not fill.
+The fields of a record follow each other without gaps. Where no field is a list, all records have
+one size and columns are views of the file; otherwise the records are walked once. Counts and
+lengths come from the file and are not trusted: no more is allocated than its bytes could fill.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Member(NamedTuple):
     ----------
     name : str
     type : str
-        Of its number, or of each number of its list, as numpy writes it without byte order: f4.
+        The numpy type of its number, or of each number of its list, without byte order: f4.
     length : str
-        The type of the number that begins a list; empty where the field is no list.
+        The numpy type of the number that begins a list; empty where the field is no list.
     """
 
     name: str
@@ -37,16 +37,16 @@ class Member(NamedTuple):
 
 
 class Structures(NamedTuple):
-    """Structures read.
+    """The records read.
 
     Attributes
     ----------
     size : int
-        How many are whole.
+        Number of whole records.
     columns : list of arrays
-        The numbers of each field asked for, (size,); of a list, int64 (size, 2): the byte at
-        which its items begin and how many there are.
-    rest : uint8
+        The numbers of each wanted field, (size,); for a list int64 (size, 2): the offset in the
+        data at which its items begin, in bytes, and how many they are.
+    rest : uint8 (bytes,)
         The bytes that follow; none where records are missing.
     """
 
@@ -56,7 +56,7 @@ class Structures(NamedTuple):
 
 
 def mapped(path: Path) -> UInt8:
-    """Return the bytes of a file, paged in as they are looked at."""
+    """Return the bytes of a file, uint8 (bytes,), mapped into memory."""
     if path.stat().st_size == 0:
         return np.empty(0, dtype=np.uint8)
     return np.memmap(path, dtype=np.uint8, mode="r")
@@ -71,10 +71,11 @@ def read_structures(
     ----------
     data : uint8 (bytes,)
     fields : sequence of Member
+        All fields of a record, in order.
     count : int
-        As the file declares it, of any size.
+        As the file declares it; may exceed what there is.
     wanted : sequence of int
-        Which fields to return.
+        Indices of the fields to return.
     order : str
         The byte order of all numbers: < or >.
     """
@@ -111,7 +112,21 @@ def read_structures(
 
 
 def gather(data: UInt8, at: Int64, type_: str) -> Array:
-    """Return the numbers that begin at these bytes, on whatever boundary."""
+    """Return the numbers at these offsets, which need not be aligned.
+
+    Parameters
+    ----------
+    data : uint8 (bytes,)
+    at : int64 (N,)
+        Offsets in bytes.
+    type_ : str
+        The numpy type of the numbers, with byte order: <f4.
+
+    Returns
+    -------
+    (N,)
+        Of that type.
+    """
     numbers = np.empty(len(at), dtype=type_)
     across = np.arange(numbers.itemsize)
     for begin in range(0, len(at), _BLOCK_RECORDS):
@@ -135,7 +150,31 @@ def _walk(
     count: int,
     at: Int64,
 ) -> tuple[int, int]:
-    """Note where the fields wanted begin; return how many records are whole and their end."""
+    """Find where the wanted fields of each record begin.
+
+    Parameters
+    ----------
+    data : uint8 (bytes,)
+    sizes : int64 (F,)
+        Size in bytes of a number of each field of a record.
+    lengths : int64 (F,)
+        Size in bytes of the number that begins a list; 0 where the field is no list.
+    slots : int64 (F,)
+        The column of `at` for each field; -1 where it is not wanted.
+    big_endian : bool
+        Byte order of the lengths of lists.
+    count : int
+        How many records to walk, at most.
+    at : int64 (count, wanted)
+        Overwritten with the offset in bytes at which each wanted field begins.
+
+    Returns
+    -------
+    count : int
+        How many records are whole.
+    end : int
+        Offset in bytes of what follows them.
+    """
     end = 0
     for row in range(count):
         place = end

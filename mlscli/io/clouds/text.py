@@ -1,13 +1,14 @@
 """Text clouds: columns of numbers, one point a line.
 
-Columns are x y z [keyframe] by position, or as a header or `columns` names them. Blanks,
-tabs, commas and semicolons separate, also mixed; of these a comma or semicolon with nothing
-before it holds the place of a missing value, and separators at the end of a line mean nothing.
-``#`` begins a comment; so does ``//`` at the start of a line. A file is cleaned into plain
-columns a block at a time and parsed by numpy; only where that fails are its lines examined.
+Columns are x y z [keyframe] by position, or as a header or `columns` names them. They are separated
+by blanks, tabs, commas and semicolons, also mixed. A comma or semicolon with nothing before it
+stands for a missing value; separators at the end of a line mean nothing. ``#`` begins a comment; so
+does ``//`` at the start of a line. A file is cleaned into plain columns a block at a time and
+parsed by numpy; only where that fails are its lines examined.
 
-The keyframe of a point is the value in that column, in the order in which they first appear; or
-its time, where points share theirs as those of one message do; or else a blank line ends one.
+Points with the same value in the column keyframe form a keyframe, in order of first appearance.
+Without that column, points with the same time form one, unless most have a time of their own.
+Otherwise blank lines separate keyframes.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class TextCloud(PointFile):
     ----------
     path : Path
     columns : str, optional
-        What the columns are; a header's names are then not read.
+        Names of the columns, see `parse_columns`; those in a header are then not read.
 
     Raises
     ------
@@ -48,7 +49,7 @@ class TextCloud(PointFile):
         self._layout = None if columns is None else lines.parse_columns(columns)
 
     def _read(self) -> Content:
-        """Return a cloud for each keyframe; its first row says when and where it was seen."""
+        """Return a cloud for each keyframe, with the time and position in its first row."""
         table = _Parser(self.path, self._layout).parse()
         xyz = table.columns("x", "y", "z")
         stamps = table.column("t")
@@ -62,7 +63,18 @@ class TextCloud(PointFile):
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """The numbers of a text cloud, the name of each column, and each row's keyframe."""
+    """A text cloud as parsed.
+
+    Attributes
+    ----------
+    values : float64 (N, columns)
+    names : list of str
+        Of the columns.
+    labels : (N,)
+        The keyframe of each row.
+    notes : list of str
+        What the user should know about how it was read.
+    """
 
     values: Float64
     names: list[str]
@@ -70,13 +82,13 @@ class _Table:
     notes: list[str]
 
     def column(self, name: str) -> Float64:
-        """Return a column; NaN where the text has none of that name."""
+        """Return a column, float64 (N,); NaN where the text has none of that name."""
         if name not in self.names:
             return np.full(len(self.values), math.nan)
         return self.values[:, self.names.index(name)]
 
     def columns(self, *names: str) -> Float64:
-        """Return columns side by side."""
+        """Return columns side by side, float64 (N, columns)."""
         return np.stack([self.column(name) for name in names], axis=1)
 
 
@@ -93,7 +105,13 @@ class _Parser:
         self.notes: list[str] = []
 
     def parse(self) -> _Table:
-        """Return all numbers of the file."""
+        """Return all numbers of the file.
+
+        Raises
+        ------
+        InputError
+            The file holds no points, a line is broken, or it is a trajectory.
+        """
         begun = False
         after_blank = True
         blocks: list[Float64] = []
@@ -125,7 +143,7 @@ class _Parser:
         return _Table(values, names, labels, self.notes)
 
     def _by_time(self, times: Float64, labels: Array) -> Array:
-        """Let points of one time be a keyframe, unless most have a time of their own."""
+        """Return the times as labels; `labels` where most points have a time of their own."""
         if 2 * len(np.unique(times)) <= len(times):
             return times
         self.notes.append(
@@ -135,9 +153,9 @@ class _Parser:
         return labels
 
     def _begin(self, text: str, first_line: int) -> tuple[bool, str]:
-        """Settle the columns by the header or the first point, if there is one.
+        """Choose the columns by the header or the first point, if there is one.
 
-        Returns whether there was a point, and the text with the header's line left blank.
+        Returns whether there was a point, and the text with the line of the header left blank.
         """
         rows = text.split("\n")
         for number, row in enumerate(rows):
@@ -214,7 +232,7 @@ class _Parser:
 
 
 def _starts(cleaned: str, after_blank: bool) -> tuple[Bool, bool]:
-    """Tell of each point whether a blank line precedes it, and whether one ends the block."""
+    """Return for each point whether a blank line precedes it, and whether one ends the block."""
     rows = cleaned.removesuffix("\n").split("\n")
     filled = np.fromiter(map(bool, map(str.strip, rows)), dtype=np.bool_, count=len(rows))
     blank_before = np.concatenate([[after_blank], ~filled[:-1]])

@@ -1,8 +1,8 @@
-"""Trajectories as TUM's RGB-D benchmark writes them: where a craft was, line by line.
+"""Trajectories in the format of the TUM RGB-D benchmark: a pose of a craft on each line.
 
-A line is ``stamp x y z qx qy qz qw``, or ``stamp x y z`` where the attitude is not known, parted
-and commented like a text cloud. Time stamps are seconds; where they reach 1e11 (3,000 years, or
-100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3.
+A line is ``stamp x y z qx qy qz qw``, or ``stamp x y z`` where the attitude is not known, with the
+separators and comments of a text cloud. Time stamps are seconds; where they reach 1e11 (3,000
+years, or 100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from mlscli.runtime.arrays import Float64
 _COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 SECONDS_BELOW = 1e11
 _LARGEST_FILE = 1 << 30
-# What is mistaken for a cloud is told by so many lines, and quaternions of length 1 but for this.
+# Lines that show whether a text is a trajectory, and how far quaternions may be from length 1.
 _FIRST_ROWS = 20
 _ROUNDED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Where a craft was and how it was turned, in the order of time.
+    """The poses of a craft, in the order of time.
 
     Attributes
     ----------
@@ -38,8 +38,10 @@ class Trajectory:
     stamps : float64 (K,)
         Seconds, ascending.
     positions : float64 (K, 3)
+        x, y, z, in the unit of the recording.
     attitudes : float64 (K, 4) or None
-        Unit quaternions x y z w, from the craft's axes or its camera's to the world's.
+        Unit quaternions x y z w, from the axes of the craft or its camera to those of the world;
+        None where not known.
     notes : tuple of str
         What the user should know about how it was read.
     """
@@ -52,21 +54,21 @@ class Trajectory:
 
     @property
     def route(self) -> Float64:
-        """Time, x, y, z (K, 4): rows as a map stores them."""
+        """Stamp, x, y, z, float64 (K, 4): rows as a map stores them."""
         return np.column_stack((self.stamps, self.positions))
 
     @cached_property
     def track(self) -> PoseTrack:
-        """The same as poses to be interpolated; without attitudes, none is turned."""
+        """The poses, to be interpolated; with identity rotations where attitudes are not known."""
         attitudes = self.attitudes
         if attitudes is None:
             attitudes = identity(len(self.stamps)).rotation
         return PoseTrack(self.stamps, self.positions, attitudes)
 
     def at(self, stamps: Float64) -> Float64:
-        """Return the position (M, 3) at each of these times (M,), by `PoseTrack`'s rule.
+        """Return the positions, float64 (M, 3), at these stamps (M,), as `PoseTrack` finds them.
 
-        NaN where it is not known, as at the time NaN.
+        They are NaN where not known, as at a stamp of NaN.
         """
         return self.track.at(stamps).translation
 
@@ -74,8 +76,8 @@ class Trajectory:
 def read_trajectory(path: Path) -> Trajectory:
     """Read a trajectory.
 
-    Lines in which a number is NaN or infinite, or the quaternion has no length, tell no pose:
-    they are left out with a note. Of lines with the same time stamp the last counts.
+    Lines in which a number is NaN or infinite, or the quaternion has length 0, hold no pose and
+    are left out with a note. Of several lines with the same time stamp the last counts.
 
     Raises
     ------
@@ -99,9 +101,10 @@ def read_trajectory(path: Path) -> Trajectory:
 
 
 def is_trajectory(rows: Iterable[Sequence[str]]) -> bool:
-    """Tell whether the first rows of a text are lines of a trajectory with attitudes.
+    """Return whether the first rows of a text are those of a trajectory with attitudes.
 
-    They are eight numbers, of which the first grows and the last four are a quaternion.
+    Each has eight numbers, of which the first increases from row to row, and the last four are a
+    quaternion of length 1.
     """
     some = list(islice(rows, _FIRST_ROWS))
     if not some or any(len(row) != len(_COLUMNS) for row in some):
@@ -110,7 +113,7 @@ def is_trajectory(rows: Iterable[Sequence[str]]) -> bool:
         values = np.array(some, dtype=np.float64)
     except ValueError:
         return False
-    # Any numbers can stand in a text; what comes of them is only compared.
+    # The numbers may be of any size; results are only compared.
     with np.errstate(over="ignore", invalid="ignore"):
         lengths = np.sqrt(np.square(values[:, 4:]).sum(axis=1))
         grows = (np.diff(values[:, 0]) > 0).all()
@@ -118,7 +121,7 @@ def is_trajectory(rows: Iterable[Sequence[str]]) -> bool:
 
 
 def _trajectory(path: Path, rows: Float64) -> Trajectory:
-    """Return what lines of 4 or 8 numbers tell."""
+    """Return the trajectory of rows, float64 (N, 4) or (N, 8)."""
     stamps, positions = rows[:, 0], rows[:, 1:4]
     attitudes = rows[:, 4:] if rows.shape[1] == 8 else np.ones((len(rows), 4))
     told = np.flatnonzero(tells_pose(stamps, positions, attitudes))
@@ -153,7 +156,7 @@ def _text(path: Path) -> str:
 
 
 def _without_header(text: str) -> str:
-    """Leave the first line with words blank if they are names."""
+    """Blank the first line that is not empty if it is a header of names."""
     rows = text.split("\n")
     for number, row in enumerate(rows):
         words = lines.fields(row)

@@ -1,10 +1,10 @@
-"""What ROS 1 bags and MCAP files share: messages in chunks that are found before they are read.
+"""What ROS 1 bags and MCAP files share: messages in chunks that are located before they are read.
 
-Opening walks from record to record and skips the chunks' content; what a chunk holds and when is
-told by the index beside it. A chunk whose index is missing, as at the end of a recording that
-breaks off, is read once at opening instead. A pass then reads the chunks that hold what is
-wanted, in the order of their times. What is damaged is left out and told; what the end of the
-file cuts is read as far as it goes.
+Opening walks from record to record and skips the content of the chunks: the index of a chunk says
+how many messages of each channel it holds, and of what times. A chunk without an index, as at the
+end of a recording that breaks off, is read once at opening instead. A pass then reads the chunks
+that hold wanted messages, in the order of their times. Damaged parts are left out and reported; a
+chunk cut by the end of the file is read as far as it goes.
 """
 
 from __future__ import annotations
@@ -34,19 +34,23 @@ class Chunk:
     Attributes
     ----------
     position, stop : int
-        Where it begins in the file, and where what follows it does, in bytes.
-    start, end : int
-        The first and the last log time in nanoseconds, once `counts` are known.
-    counts : dict or None
-        The messages of each channel by its number; None where not known.
+        Offsets in the file, in bytes: of its beginning, and of what follows it.
     data_at, data_size : int
-        Where its content lies, as stored.
-    compression, size, crc
-        How that is compressed, its bytes decompressed, and their checksum; 0 without one.
+        Offset in the file and size of its content as stored, in bytes.
+    compression : str
+        The compression of its content, as `decompress` names it.
+    size : int
+        Size of its decompressed content, in bytes.
+    crc : int
+        CRC-32 of its decompressed content; 0 without a checksum.
+    start, end : int
+        The first and the last log time in nanoseconds, once `counts` is known.
+    counts : dict of int to int, or None
+        Number of messages by channel number; None where not known.
     cut : bool
-        The file ends before it does, which is told already.
+        Whether the file ends within it; that loss is already reported.
     bare : bool
-        Its records stand in the file itself, in no chunk.
+        Whether its records lie in the file itself, outside any chunk.
     """
 
     position: int
@@ -64,7 +68,17 @@ class Chunk:
 
 
 class Entry(NamedTuple):
-    """A message in the content of a chunk: its time, its channel, and where its data lies."""
+    """A message in the content of a chunk.
+
+    Attributes
+    ----------
+    log_time : int
+        Nanoseconds.
+    channel : int
+        Number of its channel.
+    start, stop : int
+        Offsets in the decompressed content where its data begins and ends, in bytes.
+    """
 
     log_time: int
     channel: int
@@ -74,14 +88,22 @@ class Entry(NamedTuple):
 
 @dataclass
 class Contents:
-    """The messages of a chunk, and what is wrong after the last of them; empty if nothing."""
+    """The messages of a chunk.
+
+    Attributes
+    ----------
+    entries : list of Entry
+        In the order of the chunk.
+    fault : str
+        What is wrong after the last entry; empty where nothing is.
+    """
 
     entries: list[Entry] = field(default_factory=list)
     fault: str = ""
 
 
 class ChunkedFile(MessageFile):
-    """A file of chunks."""
+    """A file whose messages lie in chunks."""
 
     def _contained(self) -> tuple[Mapping[int, Channel], Mapping[int, int]]:
         self._chunks: list[Chunk] = []
@@ -95,7 +117,7 @@ class ChunkedFile(MessageFile):
 
     @property
     def time_span(self) -> tuple[int, int] | None:
-        """The first and the last log time in nanoseconds, as its indexes tell."""
+        """The first and the last log time in nanoseconds, by the indexes; None without messages."""
         if not self._chunks:
             return None
         return min(c.start for c in self._chunks), max(c.end for c in self._chunks)
@@ -103,7 +125,7 @@ class ChunkedFile(MessageFile):
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Read the messages of these topics, or of all, in the order of their log times.
 
-        Of equal times, the message that stands first in the file comes first.
+        Messages of equal times come in the order of the file.
         """
         wanted, losses = self._begin(topics)
         chunks = [c for c in self._chunks if c.counts is None or wanted.keys() & c.counts.keys()]
@@ -118,35 +140,35 @@ class ChunkedFile(MessageFile):
 
     @abstractmethod
     def _find_chunks(self, file: BinaryIO) -> None:
-        """Walk the file: fill `_chunks`, tell losses, and take note of definitions."""
+        """Walk the file: fill `_chunks`, and record losses and definitions of channels."""
 
     @abstractmethod
     def _contents(self, data: bytes) -> Contents:
-        """Find the messages in the content of a chunk, and take note of definitions."""
+        """Find the messages in the content of a chunk, and record definitions of channels."""
 
     @abstractmethod
     def _definitions(self) -> dict[int, Channel]:
-        """Return the channels that were defined, by their numbers, without counts."""
+        """Return the channels defined so far, by number, without counts."""
 
     def _declared_counts(self) -> Mapping[int, int]:
-        """Return the messages of each channel."""
+        """Return the number of messages of each channel, by channel number."""
         counts: Counter[int] = Counter()
         for chunk in self._chunks:
             counts.update(chunk.counts or {})
         return counts
 
     def _skip(self, last: Chunk | None, previous: int | None, at: int, following: int) -> None:
-        """Go on after damage.
+        """Record damage, and correct the chunk before it.
 
         Parameters
         ----------
         last : Chunk or None
-            The chunk that the record before the damage belongs to.
+            The chunk that the record before the damage is, or belongs to.
         previous : int or None
-            Where that record begins. Its length led to the damage, and is at fault where what
-            follows was found within.
+            Offset of that record. Its length led to `at`, and is taken as wrong where
+            `following` lies before `at`.
         at, following : int
-            Where no record is, and where what follows was found.
+            Offset at which no record was found, and that of the next record found.
         """
         begin = at
         if last is not None:
@@ -163,7 +185,13 @@ class ChunkedFile(MessageFile):
         )
 
     def _load(self, file: BinaryIO, chunk: Chunk) -> bytes:
-        """Return the content of a chunk; of one that is cut, what there is."""
+        """Return the decompressed content of a chunk; of one that is cut, what there is.
+
+        Raises
+        ------
+        DamagedError
+            It cannot be read or decompressed, or its checksum is wrong.
+        """
         try:
             file.seek(chunk.data_at)
             data = file.read(chunk.data_size)
@@ -181,7 +209,7 @@ class ChunkedFile(MessageFile):
     def _read(
         self, file: BinaryIO, chunk: Chunk, wanted: Mapping[int, Channel], losses: Losses
     ) -> Iterator[Message]:
-        """Read the messages of a chunk, in time order."""
+        """Read the wanted messages of a chunk, in time order; add damage to `losses`."""
         try:
             data = self._load(file, chunk)
         except DamagedError as fault:
@@ -198,7 +226,7 @@ class ChunkedFile(MessageFile):
             losses.add(f"the chunk at byte {chunk.position:,} is damaged: {contents.fault}")
         entries = [entry for entry in contents.entries if entry.channel in wanted]
         entries.sort(key=lambda entry: entry.log_time)
-        # A copy would cost as much as reading.
+        # No copy, which would cost as much as reading.
         view = memoryview(data)
         for log_time, number, start, stop in entries:
             channel = wanted[number]
@@ -213,7 +241,7 @@ class ChunkedFile(MessageFile):
                 yield Message(channel, log_time, content)
 
     def _learn(self, file: BinaryIO, chunk: Chunk) -> None:
-        """Read a chunk where no index tells what it holds, or what its channels are."""
+        """Read a chunk if no index says what it holds, or if a channel of it is not defined."""
         if chunk.counts is not None and chunk.counts.keys() <= self._definitions().keys():
             return
         try:
@@ -229,7 +257,7 @@ class ChunkedFile(MessageFile):
         entries = contents.entries
         if chunk.counts is None:
             if not entries and contents.fault and not chunk.cut:
-                # A chunk of which nothing is known is not read again, and its fault told here.
+                # A pass will not read a chunk without entries: its fault is reported here.
                 self._found.add(
                     f"the chunk at byte {chunk.position:,} is damaged: {contents.fault}",
                     size=chunk.data_size,
@@ -241,7 +269,21 @@ class ChunkedFile(MessageFile):
 
 
 def find(file: BinaryIO, pattern: re.Pattern[bytes], start: int, stop: int) -> Iterator[int]:
-    """Find where a pattern of at most 64 bytes matches in a file, a megabyte at a time."""
+    """Find where a pattern matches in a file, a megabyte at a time.
+
+    Parameters
+    ----------
+    file : binary file
+    pattern : re.Pattern
+        Its matches are at most 64 bytes long.
+    start, stop : int
+        Offsets that bound the search, in bytes.
+
+    Yields
+    ------
+    int
+        Offset of each match in the file, in bytes.
+    """
     at = start
     while at < stop:
         file.seek(at)

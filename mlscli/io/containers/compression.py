@@ -1,4 +1,4 @@
-"""Compressed chunks, files and messages: bounded, and read as far as they go where cut."""
+"""Decompress chunks, files and messages: in bounded memory, and cut ones as far as they go."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 LARGEST_BYTES = 1 << 32
 """A chunk or message that claims to be larger than this when decompressed is damaged."""
 
-# A block of zstd can be 30,000 times as large decompressed.
+# Small, as decompression can make a block of zstd 30,000 times as large.
 _PIECE_BYTES = 1 << 14
 _SMALL_PIECE = 1 << 8
-# About what a chunk of a bag holds.
+# About the size of a chunk of a bag.
 _LZ4_PIECE = 1 << 20
 
 
@@ -28,14 +28,18 @@ def decompress(data: bytes, method: str, size: int) -> bytes:
     ----------
     data : bytes
     method : str
-        bz2, lz4 (a frame), zstd, or none, which is also written as nothing.
+        ``bz2``, ``lz4`` (a frame), ``zstd``, or ``none``, for which it may also be empty.
     size : int
-        What the chunk is declared to hold, in bytes.
+        Declared size of the content, in bytes; ignored where the method is none.
+
+    Returns
+    -------
+    bytes
 
     Raises
     ------
     DamagedError
-        It holds something else, or the method is not known.
+        The content is damaged or of another size, or the method is not known.
     """
     if method in ("", "none"):
         return data
@@ -54,13 +58,16 @@ def decompress(data: bytes, method: str, size: int) -> bytes:
 
 
 def decompress_start(data: bytes, method: str, size: int) -> bytes:
-    """Decompress what can be of a chunk whose end is missing, at most `size` bytes."""
+    """Decompress the beginning of a chunk whose end is missing, at most `size` bytes.
+
+    The methods are those of `decompress`; of an unknown one nothing is returned.
+    """
     if method in ("", "none"):
         return data[:size]
     stream = _stream(method)
     pieces = []
     have = 0
-    # In small pieces: what came before a fault is kept.
+    # In small pieces, so that what comes before a fault is kept.
     for at in range(0, len(data), _SMALL_PIECE):
         try:
             piece = stream(data[at : at + _SMALL_PIECE])
@@ -74,9 +81,10 @@ def decompress_start(data: bytes, method: str, size: int) -> bytes:
 
 
 def plain(data: bytes | memoryview, encoding: str) -> bytes | memoryview | DamagedError:
-    """Return a message as it was serialized, or what is wrong with it.
+    """Return a message decompressed, or the error that says what is wrong with it.
 
-    ROS 2 can compress each message. That is told by how it begins, as no message in CDR does.
+    ROS 2 can compress each message with zstd. It then begins with the magic of zstd, as no message
+    in CDR does; any other message is returned as it is.
     """
     if encoding != "cdr" or data[:4] != ZSTD_MAGIC:
         return data
@@ -102,7 +110,7 @@ def decompress_file(source: BinaryIO, target: BinaryIO) -> str:
     Returns
     -------
     str
-        What is wrong with it; empty where nothing is.
+        What is wrong with the file; empty where nothing is.
     """
     import zstandard
 
@@ -120,7 +128,7 @@ def decompress_file(source: BinaryIO, target: BinaryIO) -> str:
 
 
 def _whole(method: str) -> Callable[[bytes, int], bytes]:
-    """Return what decompresses to at most a size, or one byte more where there is more."""
+    """Return a function of data and a size that decompresses, and stops soon beyond that size."""
     if method == "bz2":
         return lambda data, size: bz2.BZ2Decompressor().decompress(data, size + 1)
     if method == "lz4":
@@ -133,7 +141,7 @@ def _whole(method: str) -> Callable[[bytes, int], bytes]:
 def _lz4(data: bytes, size: int) -> bytes:
     import lz4.frame
 
-    # Piece by piece: what is asked for is allocated, whatever comes.
+    # Piece by piece, as lz4 allocates the size asked for, however little data there is.
     frame: Any = lz4.frame.LZ4FrameDecompressor()
     pieces = [bytes(frame.decompress(data, min(size + 1, _LZ4_PIECE)))]
     have = len(pieces[0])
@@ -156,7 +164,7 @@ def _zstd(data: bytes, size: int) -> bytes:
 
 
 def _zstd_in_pieces(data: bytes, size: int) -> bytes:
-    """Decompress a frame that does not state its size, up to a size."""
+    """Decompress a frame that does not state its size; stop soon beyond `size` bytes."""
     import zstandard
 
     frame = zstandard.ZstdDecompressor().decompressobj()

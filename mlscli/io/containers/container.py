@@ -1,6 +1,6 @@
-"""What every container of messages offers: ROS 1 bags, ROS 2 bags and MCAP files alike.
+"""The interface of message containers: ROS 1 bags, ROS 2 bags and MCAP files.
 
-A container knows bytes, topics and times, and nothing of what the messages mean.
+A container knows bytes, topics and times, but not what the messages mean.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ class Channel:
     topic : str
         As recorded.
     type : str
-        As ROS 2 writes it (``sensor_msgs/msg/PointCloud2``), also where the recording is of
-        ROS 1; other names as recorded (``foxglove.PointCloud``).
+        As ROS 2 writes it (``sensor_msgs/msg/PointCloud2``), also in recordings of ROS 1; names
+        of other types as recorded (``foxglove.PointCloud``).
     encoding : str
-        How messages are serialized: ros1, cdr, protobuf, json, or as recorded.
+        The serialization of the messages: ros1, cdr, protobuf, json, or as recorded.
     schema : bytes
         The definition of the message, as recorded; empty where the recording has none.
     schema_encoding : str
         ros1msg, ros2msg, ros2idl, protobuf, jsonschema, or as recorded; empty without schema.
     count : int or None
-        Messages, as the container declares them; None where only reading tells.
+        Number of messages that the container declares; None where not known before reading.
     """
 
     topic: str
@@ -49,7 +49,7 @@ class Message(NamedTuple):
     log_time : int
         When it was recorded, in nanoseconds.
     data : bytes or memoryview
-        Serialized.
+        The serialized message.
     """
 
     channel: Channel
@@ -58,7 +58,7 @@ class Message(NamedTuple):
 
 
 class Container(Protocol):
-    """A recording of messages; each pass reads it anew."""
+    """A recording of messages; each pass reads it from the beginning."""
 
     @property
     def path(self) -> Path:
@@ -70,7 +70,7 @@ class Container(Protocol):
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """What it holds, in a settled order."""
+        """Its channels, sorted by topic, type, encoding and schema."""
 
     @property
     def time_span(self) -> tuple[int, int] | None:

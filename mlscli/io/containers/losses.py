@@ -1,4 +1,4 @@
-"""What of a file could not be read, added up and told in one line."""
+"""The losses of a file: what could not be read, added up and reported in one line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mlscli.io.ros import NANOSECONDS
 
 
 class DamagedError(ValueError):
-    """A part of a file is not what its format says; says what was found there."""
+    """A part of a file is not what its format says; the message states what was found."""
 
 
 @dataclass
@@ -19,11 +19,11 @@ class Losses:
     Attributes
     ----------
     path : Path
-        What messages to the user call the file.
+        The name of the file in messages to the user.
     messages, nanoseconds, size : int
         What is lost, as far as it can be known; `size` in bytes.
     reasons : list of str
-        Why, in the order of their finding.
+        What is wrong, in the order in which it was found.
     """
 
     path: Path
@@ -40,18 +40,18 @@ class Losses:
         self.reasons.append(reason)
 
     def settle(self, came: int, declared: int) -> None:
-        """Compare how many messages came with how many were declared, when a pass has ended."""
+        """Compare the number of messages read with the number declared, at the end of a pass."""
         missing = declared - came
         if missing > 0 and not self.reasons:
             self.reasons.append(f"yields {came:,} of {declared:,} messages declared")
         self.messages = max(self.messages, missing)
 
     def copy(self) -> Losses:
-        """Return losses to which can be added without changing these."""
+        """Return a copy; adding to it leaves the original as it is."""
         return replace(self, reasons=list(self.reasons))
 
     def lines(self) -> list[str]:
-        """Return the line that tells all of it, or nothing."""
+        """Return one line that sums up all losses; an empty list where there are none."""
         if not self.reasons:
             return []
         more = len(self.reasons) - 1

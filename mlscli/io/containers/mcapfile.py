@@ -1,9 +1,9 @@
 """MCAP files of any profile (https://mcap.dev/spec).
 
-A file is a magic, records, a magic. Messages stand in chunks, compressed, or among the other
-records; index records after a chunk tell its messages for each channel. After the data a summary
-may repeat all channels, with the place and the times of every chunk and the messages of every
-channel: chunks that it knows are passed in one step.
+A file is a magic, records, and the magic again. Messages lie in chunks, which may be compressed,
+or among the other records; index records after a chunk list its messages for each channel. After
+the data, a summary may repeat all channels, with the offset and the times of each chunk and the
+number of messages of each channel: chunks that it lists are skipped in one step.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class McapFile(ChunkedFile):
 
     def _load(self, file: BinaryIO, chunk: Chunk) -> bytes:
         if not chunk.bare and not chunk.cut:
-            # The summary does not know the checksum.
+            # The summary does not hold the checksum.
             record = read_record(file, chunk.position)
             found = chunk_at(file, record) if record is not None else None
             if found is None or record is None or record.kind != Opcode.CHUNK:
@@ -117,7 +117,7 @@ class McapFile(ChunkedFile):
                 previous, at = record, record.stop
 
     def _take(self, file: BinaryIO, record: Record, last: Chunk | None) -> Chunk | None:
-        """Take what a record among the data tells; returns the chunk that its indexes follow."""
+        """Evaluate a record among the data; return the chunk that the next record may belong to."""
         if record.kind == Opcode.CHUNK:
             chunk = chunk_at(file, record)
             if chunk is not None:
@@ -141,7 +141,10 @@ class McapFile(ChunkedFile):
         return None
 
     def _extend(self, file: BinaryIO, record: Record, last: Chunk | None) -> Chunk | None:
-        """Add a message that is in no chunk to the run before it, which is read like a chunk."""
+        """Add a message outside any chunk to the run of such messages before it, or begin a run.
+
+        A run is read like a chunk. Returns the run.
+        """
         file.seek(record.content_at)
         start = file.read(MESSAGE_START.size)
         if len(start) < MESSAGE_START.size or record.size < len(start):
@@ -161,10 +164,10 @@ class McapFile(ChunkedFile):
     def _resume(
         self, file: BinaryIO, previous: Record | None, record: Record | None, at: int
     ) -> int | None:
-        """Find a place after damage from which records follow one another.
+        """Return the offset after damage from which records follow again; None where there is none.
 
-        The length that led to the damage may be at fault, so the search begins in the record
-        before it.
+        The length of the record before the damage may be wrong, so the search begins within that
+        record; or, if a sound header of a chunk is at the damage, within that chunk.
         """
         if at == self._size:
             return None
@@ -179,7 +182,7 @@ class McapFile(ChunkedFile):
     def _break_off(
         self, file: BinaryIO, record: Record | None, last: Chunk | None, at: int
     ) -> None:
-        """Read what there is of a last chunk that the file's end cuts."""
+        """Record that the file breaks off; keep what there is of a chunk that its end cuts."""
         if last is not None and not last.bare:
             # Its indexes may be missing in part.
             last.counts = None
@@ -197,13 +200,13 @@ class McapFile(ChunkedFile):
         )
 
     def _check_end(self, file: BinaryIO, at: int) -> None:
-        """Tell where the file breaks off after its data, in its summary."""
+        """Record a loss if the file breaks off after its data, in its summary."""
         file.seek(max(self._size - len(MAGIC), at))
         if file.read() != MAGIC:
             self._found.add("breaks off after its data, of which nothing is missing")
 
     def _read_summary(self, file: BinaryIO) -> dict[int, Chunk]:
-        """Return the chunks that the summary knows, by position; none where it is not sound."""
+        """Return the chunks that the summary lists, by position; none where it is not sound."""
         summary = read_summary(file, self._size)
         indexes: list[mcap.ChunkIndex] = []
         at = 0
@@ -225,7 +228,7 @@ class McapFile(ChunkedFile):
         return {at: chunk for at, chunk in chunks.items() if chunk and chunk.stop <= self._size}
 
     def _define(self, kind: int, content: bytes) -> None:
-        """Take note of a schema or a channel; of several with one number the first counts."""
+        """Record a schema or a channel; of several with the same number the first counts."""
         if kind == Opcode.SCHEMA:
             schema = read_as(mcap.Schema, content)
             if schema is not None and schema.id not in self._schemas:

@@ -1,6 +1,7 @@
 """The records of MCAP files (https://mcap.dev/spec), read without trust in their lengths.
 
-A record is a kind, a length, content. What mcap's own classes read, they are given to read.
+A record is a kind, a length and content. Definitions and the records of the summary are parsed by
+the classes of the package mcap.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from mlscli.io.containers.chunked import Chunk
 
 MAGIC = b"\x89MCAP0\r\n"
 PRIVATE = 128
-"""Kinds of record from here on are not the format's own."""
+"""Kinds of record from this number on are private, not defined by the format."""
 
 RECORD = struct.Struct("<BQ")
 MESSAGE_START = struct.Struct("<HIQQ")
 RECORD_START = re.compile(rb"[\3-\7\x09\x0c\x0f][\s\S]{4}\0{4}")
-"""A record of a kind that stands among data, of less than 4 GiB."""
+"""The beginning of a record of less than 4 GiB, of a kind that occurs among the data."""
 
 _CHUNK_TIMES = struct.Struct("<QQQII")
 _U64 = struct.Struct("<Q")
@@ -36,7 +37,17 @@ _FOOTER_SIZE = RECORD.size + 20 + len(MAGIC)
 
 
 class Record(NamedTuple):
-    """A record; its content may reach beyond the file's end."""
+    """The head of a record; its content may reach beyond the end of the file.
+
+    Attributes
+    ----------
+    at : int
+        Offset of the record in the file, in bytes.
+    kind : int
+        Its opcode.
+    size : int
+        Stated size of its content, in bytes.
+    """
 
     at: int
     kind: int
@@ -44,30 +55,30 @@ class Record(NamedTuple):
 
     @property
     def content_at(self) -> int:
-        """Where its content begins."""
+        """Offset in the file of its content, in bytes."""
         return self.at + RECORD.size
 
     @property
     def stop(self) -> int:
-        """Where what follows it begins."""
+        """Offset in the file of what follows it, in bytes."""
         return self.content_at + self.size
 
 
 def read_record(file: BinaryIO, at: int) -> Record | None:
-    """Read the kind and the length at a place; None where the file ends before they do."""
+    """Read the head of the record at an offset; None where the file ends within it."""
     file.seek(at)
     head = file.read(RECORD.size)
     return Record(at, *RECORD.unpack(head)) if len(head) == RECORD.size else None
 
 
 def read_content(file: BinaryIO, record: Record) -> bytes:
-    """Read the content of a record that ends before the file does."""
+    """Read the content of a record that lies within the file."""
     file.seek(record.content_at)
     return file.read(record.size)
 
 
 def read_as(kind: Any, content: bytes) -> Any:
-    """Read the content of a record by mcap's own class; None where it is damaged."""
+    """Parse the content of a record with a class of `mcap.records`; None where it is damaged."""
     read: Callable[[ReadDataStream], Any] = kind.read
     try:
         return read(ReadDataStream(BytesIO(content)))
@@ -76,7 +87,7 @@ def read_as(kind: Any, content: bytes) -> Any:
 
 
 def chunk_at(file: BinaryIO, record: Record) -> Chunk | None:
-    """Read the head of a chunk; None where its lengths contradict each other."""
+    """Read the header of a chunk; None where its lengths contradict each other."""
     file.seek(record.content_at)
     head = file.read(_CHUNK_TIMES.size + 16 + _U64.size)
     if len(head) < _CHUNK_TIMES.size:
@@ -94,13 +105,13 @@ def chunk_at(file: BinaryIO, record: Record) -> Chunk | None:
 
 
 def chunk_by_index(index: mcap.ChunkIndex) -> Chunk | None:
-    """Return a chunk as its index in the summary tells it; None where that does not add up."""
+    """Return the chunk that an index in the summary describes; None where it contradicts itself."""
     stop = index.chunk_start_offset + index.chunk_length
     offsets = sorted((at, number) for number, at in index.message_index_offsets.items())
-    # They lie behind the chunk: one that said otherwise could be gone around for ever.
+    # They must lie behind the chunk: otherwise the walk along the file might never end.
     if not offsets or index.chunk_length <= 0 or offsets[0][0] < stop:
         return None
-    # The index records of a chunk follow one another, so their lengths tell their entries.
+    # The index records of a chunk follow one another, so their lengths give their entries.
     ends = [at for at, _ in offsets[1:]] + [stop + index.message_index_length]
     counts = {}
     for (at, number), end in zip(offsets, ends, strict=True):
@@ -120,9 +131,9 @@ def chunk_by_index(index: mcap.ChunkIndex) -> Chunk | None:
 
 
 def add_index(chunk: Chunk, content: bytes) -> bool:
-    """Take from an index record how many messages of a channel a chunk holds.
+    """Add the number of messages that an index record lists to the counts of its chunk.
 
-    Returns whether the record is sound.
+    Returns whether the record is sound; if not, the counts stay as they are.
     """
     if len(content) < _INDEX_START.size:
         return False
@@ -137,7 +148,7 @@ def add_index(chunk: Chunk, content: bytes) -> bool:
 
 
 def read_summary(file: BinaryIO, size: int) -> bytes | None:
-    """Return the summary section; None where there is none, or its checksum is wrong."""
+    """Return the summary section of a file of `size` bytes; None where there is no sound one."""
     if size < _FOOTER_SIZE:
         return None
     file.seek(size - _FOOTER_SIZE)
@@ -154,7 +165,11 @@ def read_summary(file: BinaryIO, size: int) -> bytes | None:
 
 
 def is_among_records(file: BinaryIO, at: int, size: int) -> bool:
-    """Tell whether a chunk is at a place, or a record that others follow to the data's end."""
+    """Return whether records follow one another from an offset in a file of `size` bytes.
+
+    Four sound records in a row are enough, or fewer where a chunk, the end of the data or the end
+    of the file comes first.
+    """
     for _ in range(4):
         record = read_record(file, at)
         if (

@@ -1,4 +1,4 @@
-"""What SQLite files, ROS 1 bags and MCAP files share: a file of messages and what is lost of it."""
+"""What SQLite files, ROS 1 bags and MCAP files share: one file of messages, and its losses."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class MessageFile(ABC):
     ----------
     path : Path
     name : Path, optional
-        What messages to the user call it, where that is not its path.
+        Its name in messages to the user; its path where not given.
 
     Raises
     ------
     InputError
-        It cannot be read at all.
+        The file cannot be read at all.
     """
 
     kind: str
@@ -46,15 +46,19 @@ class MessageFile(ABC):
 
     @abstractmethod
     def _contained(self) -> tuple[Mapping[int, Channel], Mapping[int, int]]:
-        """Find the messages, and tell losses.
+        """Find the messages, and record losses.
 
-        Returns the channels that are defined, by their numbers, without counts; and how many
-        messages each number has.
+        Returns
+        -------
+        definitions : mapping of int to Channel
+            The channels defined, by number, without counts.
+        counts : mapping of int to int
+            Number of messages, by channel number.
         """
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """What it holds, by topic, type and definition."""
+        """Its channels, sorted by topic, type, encoding and schema."""
         return in_settled_order(self._channels.values())
 
     @property

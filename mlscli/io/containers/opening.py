@@ -1,4 +1,4 @@
-"""Containers of messages, told by their content."""
+"""Open containers of messages, recognised by their content."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _OLD_BAGS = (b"#ROSBAG V", b"#ROSRECORD")
 
 
 def open_container(path: Path) -> Container:
-    """Tell by its content what a file or folder is and open it.
+    """Recognise a container by its content and open it.
 
-    A folder is taken for a ROS 2 bag.
+    A folder, or a file compressed with zstd, is taken as a ROS 2 bag.
 
     Raises
     ------
     InputError
-        It is no container of messages, or one that cannot be read at all.
+        The path is no container of messages, or one that cannot be read at all.
     """
     try:
         if path.is_dir():

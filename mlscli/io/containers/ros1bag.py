@@ -1,9 +1,9 @@
 """ROS 1 bags, format 2.0 (http://wiki.ros.org/Bags/Format/2.0).
 
-A bag is a line that names the version, and then records. After a bag header come chunks of
-messages and of the connections that these first use, each chunk followed by an index of its
-messages for each connection; when the recording is closed, all connections and the times of all
-chunks follow.
+A bag is a line that names the version, followed by records: a bag header, then chunks. A chunk
+holds messages, and the connections that these are the first to use; after it comes an index of its
+messages for each connection. When the recording is closed, all connections and the times of all
+chunks are appended.
 """
 
 from __future__ import annotations
@@ -107,9 +107,10 @@ class Ros1Bag(ChunkedFile):
     def _next_chunk(
         self, file: BinaryIO, previous: Record | None, record: Record | None, at: int
     ) -> int | None:
-        """Find the chunk after a place where no whole record is.
+        """Return the offset of the next chunk after damage; None where there is none.
 
-        The length that led there may be at fault, so the search begins in the record before it.
+        The length of the record before may be wrong, so the search begins within that record; or,
+        if the header of a chunk is at `at`, within that chunk.
         """
         start = previous.data_at if previous else at + 1
         if record is not None and record.op == CHUNK:
@@ -121,7 +122,7 @@ class Ros1Bag(ChunkedFile):
         return None
 
     def _break_off(self, record: Record | None, last: Chunk | None, at: int) -> None:
-        """Read what there is of a last chunk that the file's end cuts."""
+        """Record that the file breaks off; keep what there is of a chunk that its end cuts."""
         if last is not None:
             # Its index may be missing in part.
             last.counts = None

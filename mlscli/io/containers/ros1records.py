@@ -1,7 +1,7 @@
 """The records of ROS 1 bags (http://wiki.ros.org/Bags/Format/2.0), read without trust in lengths.
 
-A record is a length, a header of `name=value` fields of which `op` tells the kind, a length,
-data.
+A record is a length, a header, a length and data. The header is a list of fields `name=value`, of
+which `op` is the kind of the record.
 """
 
 from __future__ import annotations
@@ -18,13 +18,25 @@ from mlscli.io.ros import NANOSECONDS
 MESSAGE, BAG, INDEX, CHUNK, CHUNK_INFO, CONNECTION = b"\2", b"\3", b"\4", b"\5", b"\6", b"\7"
 U32 = struct.Struct("<I")
 CHUNK_START = re.compile(rb"[\x28\x29]\0\0\0[\4\x0f\x10\x09]\0\0\0(?:op=|compression=|size=)")
-"""A chunk's header has 40 or 41 bytes: its op, its compression, its size."""
+"""The beginning of a chunk: a header of 40 or 41 bytes, of the fields op, compression and size."""
 
 _LONGEST_HEADER = 1 << 20
 
 
 class Record(NamedTuple):
-    """A record at the top of a bag; its data may reach beyond the file's end."""
+    """A record at the top level of a bag; its data may reach beyond the end of the file.
+
+    Attributes
+    ----------
+    position : int
+        Offset of the record in the file, in bytes.
+    op : bytes
+        Its kind: `BAG`, `INDEX`, `CHUNK`, `CHUNK_INFO` or `CONNECTION`.
+    fields : dict of bytes to bytes
+        The fields of its header, by name.
+    data_at, stop : int
+        Offsets in the file where its data begins and ends, in bytes.
+    """
 
     position: int
     op: bytes
@@ -33,7 +45,7 @@ class Record(NamedTuple):
     stop: int
 
     def chunk(self) -> Chunk:
-        """Return what the header of a chunk tells."""
+        """Return the chunk of a record of the kind `CHUNK`."""
         return Chunk(
             self.position,
             self.stop,
@@ -51,11 +63,11 @@ _NEEDED = {
     CHUNK_INFO: (),
     CONNECTION: (b"conn", b"topic"),
 }
-"""The kinds of record at the top of a bag, and the fields they must have."""
+"""The kinds of record at the top level of a bag, and the fields they must have."""
 
 
 def read_record(file: BinaryIO, at: int, size: int) -> Record | None:
-    """Read the header of the record at a place; None where there is none."""
+    """Read the record at an offset in a file of `size` bytes; None where no record is there."""
     file.seek(at)
     head = file.read(4)
     if len(head) < 4:
@@ -79,7 +91,7 @@ def read_record(file: BinaryIO, at: int, size: int) -> Record | None:
 
 
 def read_fields(header: bytes) -> dict[bytes, bytes] | None:
-    """Read the fields of a header; None where it is none."""
+    """Return the fields of a header by name; None where it is malformed."""
     fields = {}
     at, size = 0, len(header)
     while at < size:
@@ -95,16 +107,27 @@ def read_fields(header: bytes) -> dict[bytes, bytes] | None:
 
 
 def read_data(file: BinaryIO, record: Record) -> bytes:
-    """Read the data of a record that ends before the file does."""
+    """Read the data of a record that lies within the file."""
     file.seek(record.data_at)
     return file.read(record.stop - record.data_at)
 
 
 def add_index(chunk: Chunk, data: bytes, fields: dict[bytes, bytes]) -> Chunk | None:
-    """Take from an index of version 1 when and how many messages of a connection a chunk holds.
+    """Add the messages that an index record lists to the counts and the times of its chunk.
 
-    An entry holds seconds, nanoseconds and a place in the chunk, in four bytes each. Returns
-    the chunk, or None where the index is not sound and the chunk has to be read instead.
+    Parameters
+    ----------
+    chunk : Chunk
+    data : bytes
+        The index, version 1. An entry holds the seconds, the nanoseconds and the offset in the
+        chunk of a message, in four bytes each.
+    fields : dict of bytes to bytes
+        The header of the index.
+
+    Returns
+    -------
+    Chunk or None
+        None where the index is not sound; the chunk has then no counts and must be read instead.
     """
     (count,) = U32.unpack(fields[b"count"])
     if len(data) != 12 * count:

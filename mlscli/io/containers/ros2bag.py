@@ -1,8 +1,8 @@
 """ROS 2 bags: folders of SQLite or MCAP files, with or without a `metadata.yaml`.
 
-The files tell what there is; the metadata, in which order they were recorded and what they
-should hold. A recording may be split into files, and these be compressed as a whole: they are
-then decompressed into a temporary folder, one after the other as their time comes.
+The files decide what there is; the metadata give the order of their recording and what they should
+hold. A recording may be split into several files. A file that is compressed as a whole is
+decompressed into a temporary folder when it is opened, and again when its messages are due.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Ros2Bag:
     Parameters
     ----------
     path : Path
-        The folder, or a file of one.
+        The folder, or a single file of one.
 
     Raises
     ------
@@ -73,12 +73,12 @@ class Ros2Bag:
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """What it holds, by topic, type and definition."""
+        """Its channels, sorted by topic, type, encoding and schema."""
         return in_settled_order(self._channels.values())
 
     @property
     def time_span(self) -> tuple[int, int] | None:
-        """The first and the last log time in nanoseconds."""
+        """The first and the last log time in nanoseconds; None without messages."""
         spans = [part.span for part in self._parts if part.span is not None]
         return (min(s for s, _ in spans), max(e for _, e in spans)) if spans else None
 
@@ -90,7 +90,7 @@ class Ros2Bag:
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Read the messages of these topics, or of all, in the order of their log times.
 
-        Of equal times, the message of the file that comes first does.
+        Messages of equal times come in the order of the files.
         """
         for part in self._parts:
             part.losses = part.found
@@ -103,9 +103,9 @@ class Ros2Bag:
         yield from in_time_order(streams, lambda s: s[0], lambda s: s[1])
 
     def _read(self, at: int, part: _BagFile, topics: Collection[str] | None) -> Iterator[Message]:
-        """Read the messages of a file, with the channels of the bag."""
+        """Read the messages of a file, with the merged channels of the bag."""
         with part.opened() as storage:
-            # By identity, as equality looks at the whole definition.
+            # By identity, as a comparison of channels compares whole schemas.
             channels = {id(c): self._channels[at, c] for c in storage.channels}
             try:
                 for channel, log_time, data in storage.messages(topics):
@@ -120,9 +120,14 @@ class Ros2Bag:
             raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
     def _files(self, metadata: Metadata, there: dict[str, Path]) -> list[Path]:
-        """Return the files there are: those that the metadata name, in their order, then others.
+        """Return the files to read: those that the metadata name, in their order, then all others.
 
-        A file counts as the one named if it differs by being compressed or not.
+        A file that is named may also be there compressed, or decompressed.
+
+        Raises
+        ------
+        InputError
+            There are no metadata, and the names of the files are those of several recordings.
         """
         files: dict[str, Path] = {}
         for name in metadata.files:
@@ -182,7 +187,21 @@ class Ros2Bag:
 
 @dataclass
 class _BagFile:
-    """A file of a bag; one that is compressed is not kept open."""
+    """A file of a bag.
+
+    Attributes
+    ----------
+    path : Path
+    channels : sequence of Channel
+    span : tuple of int or None
+        The first and the last log time in nanoseconds; None without messages.
+    storage : SqliteFile, McapFile or None
+        The file as opened; None where it is compressed, and decompressed for each use.
+    fault : str
+        What is wrong with the compressed file; empty where nothing is.
+    found, losses : sequence of str
+        What opening it, and what opening it and the last pass could not read.
+    """
 
     path: Path
     channels: Sequence[Channel]
@@ -223,12 +242,12 @@ class _BagFile:
 
 
 def _open_storage(path: Path, name: Path | None = None) -> Storage:
-    """Open a file of a bag, which its content tells to be SQLite or MCAP; see `MessageFile`.
+    """Open a file of a bag as SQLite or MCAP, by its content; see `MessageFile`.
 
     Raises
     ------
     InputError
-        It is neither, or cannot be read at all.
+        The file is neither, or cannot be read at all.
     """
     head = _head(path)
     if head.startswith(sqlitefile.MAGIC):
@@ -248,6 +267,6 @@ def _head(path: Path) -> bytes:
 
 
 def _by_number(path: Path) -> list[tuple[int, str]]:
-    """Order names by the numbers in them: bag_2 comes before bag_10."""
+    """Return a key that sorts names by the numbers in them: bag_2 before bag_10."""
     words = re.split(r"(\d+)", path.name)
     return [(int(word), "") if word.isdecimal() else (-1, word) for word in words]

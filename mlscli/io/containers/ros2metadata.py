@@ -11,13 +11,21 @@ from mlscli.errors import one_line
 from mlscli.io.ros import METADATA_FILE
 
 STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
-"""How the names of files of messages end."""
+"""The end of the name of a file of messages."""
 
 _LARGEST_BYTES = 1 << 26
 
 
 class Declared(NamedTuple):
-    """What a file should hold; 0 where it is not said."""
+    """What the metadata declare of a file; 0 where they declare nothing.
+
+    Attributes
+    ----------
+    messages : int
+        Number of messages.
+    nanoseconds : int
+        Duration.
+    """
 
     messages: int = 0
     nanoseconds: int = 0
@@ -25,14 +33,14 @@ class Declared(NamedTuple):
 
 @dataclass
 class Metadata:
-    """What the metadata say.
+    """The content of a `metadata.yaml`.
 
     Attributes
     ----------
-    files : dict
+    files : dict of str to Declared
         What each file should hold, by its name, in the order of recording.
     messages : int or None
-        How many messages the files should hold; None where it is not said.
+        Number of messages that all files should hold; None where not stated.
     """
 
     files: dict[str, Declared] = field(default_factory=dict)
@@ -40,7 +48,7 @@ class Metadata:
 
     @classmethod
     def read(cls, folder: Path, notes: list[str]) -> Metadata:
-        """Read the metadata of a bag; a note says why there is none, or what cannot be read."""
+        """Read the metadata of a bag; if they cannot be read, return empty ones and add a note."""
         import yaml
 
         path = folder / METADATA_FILE
@@ -71,7 +79,7 @@ class Metadata:
         files = {name: details.get(name, Declared()) for name in [*names, *details] if name}
         messages = _count(_get(content, "message_count"))
         if len(files) == 1 and messages is not None:
-            # Before version 5 nothing was said of each file.
+            # Before version 5 nothing is declared for each file.
             nanoseconds = _count(_get(_get(content, "duration"), "nanoseconds")) or 0
             files = {name: Declared(messages, nanoseconds) for name in files}
         return cls(files, messages)
@@ -85,7 +93,7 @@ def _list(content: object) -> list[Any]:
     return content if isinstance(content, list) else []
 
 
-# What 64 bits hold; a number of more digits could not even be told.
+# Counts have 64 bits; Python would refuse to print a number of thousands of digits.
 _MOST = 1 << 63
 
 
@@ -94,5 +102,5 @@ def _count(content: object) -> int | None:
 
 
 def _name(path: object) -> str:
-    """Return the name of a file in the bag's folder; versions before 4 name the folder, too."""
+    """Return the name of a file, without its folder, which metadata before version 4 state, too."""
     return PurePosixPath(PureWindowsPath(path if isinstance(path, str) else "").as_posix()).name

@@ -1,7 +1,7 @@
 """SQLite files of ROS 2 bags, whole or damaged.
 
-A file is opened so that nothing is written beside it. Opening reads the times of all messages,
-24 bytes each; a pass then reads message by message in their order.
+A file is opened so that SQLite writes nothing beside it. Opening reads the row, topic and time of
+all messages, 24 bytes each; a pass then reads the messages one by one in the order of their times.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class SqliteFile(MessageFile):
     def _contained(self) -> tuple[Mapping[int, Channel], Mapping[int, int]]:
         missing = self._missing_size()
         fault = f"breaks off at byte {self._size:,}" if missing else ""
-        # SQLite would take what is missing of the last page for zeros.
+        # SQLite would read zeros for what is missing of the last page.
         self._damaged = missing > 0 and not self._has_log()
         try:
             definitions = self._read_tables()
@@ -53,14 +53,14 @@ class SqliteFile(MessageFile):
 
     @property
     def time_span(self) -> tuple[int, int] | None:
-        """The first and the last log time in nanoseconds."""
+        """The first and the last log time in nanoseconds; None without messages."""
         times = self._rows.times
         return (int(times[0]), int(times[-1])) if len(times) else None
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Read the messages of these topics, or of all, in the order of their log times.
 
-        Of equal times, the message that was recorded first comes first.
+        Messages of equal times come in the order of recording.
         """
         wanted, losses = self._begin(topics)
         chosen = self._rows.take(np.flatnonzero(np.isin(self._rows.topics, list(wanted))))
@@ -76,11 +76,17 @@ class SqliteFile(MessageFile):
                     yield Message(channel, time, content)
 
     def _read_tables(self) -> dict[int, Channel]:
-        """Find the messages, in the order of their times; returns the channels."""
+        """Find the messages, in the order of their times; return the channels by topic number.
+
+        Raises
+        ------
+        InputError
+            The tables of a bag are missing.
+        """
         self._missing_messages = 0
         with self._tables() as tables:
             names = tables.names()
-            # Messages are salvaged without what leads to them.
+            # Messages are salvaged even where the entry of their table is lost.
             if not {"topics", *(() if self._damaged else ("messages",))} <= names:
                 listed = ", ".join(sorted(names)[:10]) or "none that can be read"
                 raise InputError(
@@ -95,8 +101,8 @@ class SqliteFile(MessageFile):
     def _missing_size(self) -> int:
         """Return how many bytes the file is shorter than its header says.
 
-        That holds the size of a page (1 is 65536), the number of pages, and twice a count of the
-        changes: where these differ, the last writer did not count pages
+        The header holds the size of a page (1 means 65536), the number of pages, and two counters
+        of changes. Where the counters differ, the last writer did not update the number of pages
         (https://www.sqlite.org/fileformat.html).
         """
         with self._opened() as file:
@@ -113,8 +119,8 @@ class SqliteFile(MessageFile):
     def _tables(self) -> Iterator[Tables]:
         """Open the tables for reading.
 
-        What a recorder that broke off left in a log beside the file belongs to it. SQLite brings
-        it in by writing, so a copy is made for that in a temporary folder.
+        A recorder that broke off leaves a part of the content in a log beside the file. SQLite
+        merges the log by writing, so both are first copied into a temporary folder.
         """
         if self._damaged:
             try:

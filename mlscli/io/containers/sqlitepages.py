@@ -1,8 +1,8 @@
 """The rows of a damaged SQLite database, page by page (https://www.sqlite.org/fileformat.html).
 
-SQLite refuses a database whose end is missing, and loses all that a damaged page leads to. Here
-the pages are read that hold rows, whether anything leads to them or not. That suits a recording,
-which only ever adds rows: no page holds one that was deleted.
+SQLite refuses a database whose end is missing, and loses all that is below a damaged page. Here
+every page that holds rows is read, whether another page refers to it or not. This suits a
+recording, which only adds rows: no page holds deleted ones.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import BinaryIO, NamedTuple, TypeAlias
 from mlscli.io.containers.losses import DamagedError
 
 Value: TypeAlias = int | float | bytes | None
-"""A value in a row; text is its bytes."""
+"""A value in a row; text is returned as bytes."""
 
 _HEADER_SIZE = 100
 _INTERIOR, _LEAF = 5, 13
@@ -22,7 +22,17 @@ _PIECE_BYTES = 1 << 20
 
 
 class TableRow(NamedTuple):
-    """Where a row lies: its number, its page, and its place there."""
+    """Where a row lies.
+
+    Attributes
+    ----------
+    number : int
+        The rowid.
+    page : int
+        Number of its page, from 1.
+    offset : int
+        Offset of its cell in the page, in bytes.
+    """
 
     number: int
     page: int
@@ -30,12 +40,17 @@ class TableRow(NamedTuple):
 
 
 class Pages:
-    """The pages of a database, as many as there are; numbered from 1.
+    """The whole pages of a database, numbered from 1.
+
+    Parameters
+    ----------
+    file : binary file
+        Must stay open as long as the pages are used.
 
     Raises
     ------
     DamagedError
-        The header is none.
+        The header is cut, or states an impossible size of pages.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -55,7 +70,7 @@ class Pages:
         self._held = (0, b"")
 
     def tables(self) -> dict[str, int]:
-        """Return the first page of each table; the schema is a table that begins on page 1."""
+        """Return the root page of each table by name; that of the schema itself is page 1."""
         tables: dict[str, int] = {}
         for row in self.rows(1):
             try:
@@ -67,7 +82,7 @@ class Pages:
         return tables
 
     def rows(self, page: int) -> Iterator[TableRow]:
-        """Find the rows of the table that begins on a page, as far as its pages can be read."""
+        """Find the rows of the table with this root page, as far as its pages can be read."""
         waiting, seen = [page], set()
         while waiting:
             number = waiting.pop()
@@ -92,12 +107,12 @@ class Pages:
                 yield from self._leaf_rows(number, content, cells)
 
     def values(self, row: TableRow, count: int) -> list[Value]:
-        """Return the first values of a row.
+        """Return the first `count` values of a row.
 
         Raises
         ------
         DamagedError
-            It has fewer, or a part of them is missing.
+            The row has fewer values, or a part of them is missing.
         """
         types, starts = self._layout(row, count)
         payload = self._payload(row, starts[count])
@@ -107,12 +122,12 @@ class Pages:
         ][:count]
 
     def types(self, row: TableRow) -> list[int]:
-        """Return the types of a row's values, as SQLite numbers them.
+        """Return the serial types of a row's values, as SQLite defines them.
 
         Raises
         ------
         DamagedError
-            It is no row.
+            There is no sound row.
         """
         return self._layout(row, 0)[0]
 
@@ -123,7 +138,7 @@ class Pages:
         return self._held[1]
 
     def _cells(self, number: int, content: bytes) -> tuple[int, list[int]]:
-        """Return the kind of a page, and where its cells lie."""
+        """Return the kind of a page, and the offsets of its cells in bytes."""
         start = _HEADER_SIZE if number == 1 else 0
         kind = content[start]
         if kind not in (_INTERIOR, _LEAF):
@@ -143,7 +158,7 @@ class Pages:
             yield TableRow(number, page, at)
 
     def _layout(self, row: TableRow, count: int) -> tuple[list[int], list[int]]:
-        """Return the types of a row's values, and where in its payload each begins and ends."""
+        """Return the serial types of a row's values, and their bounds in its payload in bytes."""
         head = self._payload(row, 9)
         header, at = _varint(head, 0)
         if not at <= header <= 1 << 10:
@@ -162,7 +177,7 @@ class Pages:
         return _varint(self._page(row.page), row.offset)[0]
 
     def _payload(self, row: TableRow, wanted: int) -> bytes:
-        """Return the first bytes of a row; what has no place on its page follows on others."""
+        """Return the first `wanted` bytes of a row's payload, from overflow pages, too."""
         content = self._page(row.page)
         length, at = _varint(content, row.offset)
         _, at = _varint(content, at)
@@ -198,7 +213,7 @@ def _number(content: bytes, at: int) -> int:
 
 
 def _varint(content: bytes, at: int) -> tuple[int, int]:
-    """Read a number of 1 to 9 bytes, and where it ends: 7 bits each, 8 of the ninth."""
+    """Return a number of 1 to 9 bytes (7 bits each, 8 of the ninth), and the offset after it."""
     value = 0
     for byte in content[at : at + 8]:
         at += 1
@@ -210,7 +225,7 @@ def _varint(content: bytes, at: int) -> tuple[int, int]:
 
 
 def _length(type_: int) -> int:
-    """Return the bytes of a value of a type."""
+    """Return the size of a value of a serial type, in bytes."""
     if type_ >= 12:
         return (type_ - 12) // 2
     return _INTEGER_SIZES[type_] if 0 <= type_ <= 6 else 8 * (type_ == 7)

@@ -1,4 +1,4 @@
-"""The tables of a ROS 2 bag in SQLite: by SQLite itself, or page by page where it is damaged.
+"""The tables of a ROS 2 bag in SQLite, read by SQLite, or page by page where damaged.
 
 `topics` names the channels, `messages` holds their messages in the order of recording, and,
 since ROS 2 Iron, `message_definitions` defines the types.
@@ -24,7 +24,17 @@ _BLOCK_ROWS = 1 << 12
 
 
 class MessageRows(NamedTuple):
-    """Where the messages are: their rows, topics and times (ns), each int64 (N,)."""
+    """Where the messages are.
+
+    Attributes
+    ----------
+    rows : int64 (N,)
+        The row of each message: its rowid, or its page and offset, packed, in a damaged database.
+    topics : int64 (N,)
+        Number of its topic.
+    times : int64 (N,)
+        Log time in nanoseconds.
+    """
 
     rows: Int64
     topics: Int64
@@ -32,18 +42,18 @@ class MessageRows(NamedTuple):
 
     @classmethod
     def of(cls, blocks: Iterable[Sequence[tuple[int, int, int]]]) -> MessageRows:
-        """Gather rows, topics and times; of 24 bytes each, once a block of them is full."""
+        """Gather tuples (row, topic, time) from blocks of them, in 24 bytes each."""
         tables = [np.array(block, dtype=np.int64).reshape(-1, 3) for block in blocks]
         rows, topics, times = np.concatenate([np.empty((0, 3), dtype=np.int64), *tables]).T
         return cls(rows, topics, times)
 
     def take(self, chosen: Int64) -> MessageRows:
-        """Return these messages, in this order."""
+        """Return the messages at these indices, in this order."""
         return MessageRows(*(column[chosen] for column in self))
 
 
 def values(column: Int64) -> Iterator[int]:
-    """Return the values of a column one by one, without a list of them all."""
+    """Yield the values of a column one by one, without a list of them all."""
     for at in range(0, len(column), _BLOCK_ROWS):
         yield from column[at : at + _BLOCK_ROWS].tolist()
 
@@ -54,7 +64,7 @@ class Tables(Protocol):
     Attributes
     ----------
     missing : int
-        Messages that must have been there, but were not found.
+        Number of messages that must have been there but were not found by `messages`.
     """
 
     missing: int
@@ -63,17 +73,17 @@ class Tables(Protocol):
         """Return the names of all tables."""
 
     def channels(self) -> dict[int, Channel]:
-        """Return the channels by the numbers of their topics, without counts."""
+        """Return the channels by topic number, without counts."""
 
     def messages(self) -> MessageRows:
         """Return where the messages are, in the order of recording."""
 
     def data(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
-        """Read messages, in this order; in place of one that cannot be read, why."""
+        """Read the data of messages, in this order; yield the error where one cannot be read."""
 
 
 class Database:
-    """The tables as SQLite reads them; raises its errors."""
+    """The tables as SQLite reads them; its errors are passed on as `sqlite3.Error`."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self.missing = 0
@@ -86,7 +96,7 @@ class Database:
         return {str(name) for (name,) in found}
 
     def channels(self) -> dict[int, Channel]:
-        """Return the channels by the numbers of their topics, without counts."""
+        """Return the channels by topic number, without counts."""
         definitions: list[tuple[object, ...]] = []
         if "message_definitions" in self.names():
             definitions = self._connection.execute(
@@ -107,10 +117,10 @@ class Database:
         return found
 
     def data(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
-        """Read messages, in this order; in place of one that cannot be read, why."""
+        """Read the data of messages, in this order; yield the error where one cannot be read."""
         came = 0
         if np.all(wanted.rows[1:] > wanted.rows[:-1]):
-            # As recorded: one query for all is several times as fast for small messages.
+            # In the order of rows, one query for all is several times as fast for small messages.
             for data in self._in_turn(wanted):
                 yield data
                 came += 1
@@ -118,7 +128,7 @@ class Database:
             yield self._one(row)
 
     def _in_turn(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
-        """Read messages in the order of their rows, up to damage."""
+        """Read messages of ascending rows in one query, up to the first damage."""
         topics = ", ".join(map(str, np.unique(wanted.topics)))
         expected = values(wanted.rows)
         due = next(expected, None)
@@ -146,8 +156,8 @@ class Database:
 class Salvage:
     """The tables of a damaged database, as far as its pages can be read.
 
-    Rows of messages are told by their values, as what led to them may be lost: no number of
-    their own, two numbers and data.
+    Rows of messages are recognised by their values, as the pages that refer to them may be lost:
+    a null in place of the row's number, two numbers, and data.
     """
 
     def __init__(self, pages: Pages) -> None:
@@ -159,7 +169,7 @@ class Salvage:
         return set(self._pages.tables())
 
     def channels(self) -> dict[int, Channel]:
-        """Return the channels by the numbers of their topics, without counts."""
+        """Return the channels by topic number, without counts."""
         definitions = [row[1:] for row in self._rows("message_definitions")]
         return _channels(self._rows("topics"), definitions)
 
@@ -169,12 +179,12 @@ class Salvage:
         messages = self._messages(numbers)
         found = MessageRows.of(iter(lambda: list(islice(messages, _BLOCK_ROWS)), []))
         _, order = np.unique(np.frombuffer(numbers, dtype=np.int64), return_index=True)
-        # They are numbered from 1.
+        # Rows are numbered from 1.
         self.missing = max(numbers, default=0) - len(order)
         return found.take(order)
 
     def data(self, wanted: MessageRows) -> Iterator[bytes | DamagedError]:
-        """Read messages, in this order; in place of one that cannot be read, why."""
+        """Read the data of messages, in this order; yield the error where one cannot be read."""
         for row in values(wanted.rows):
             try:
                 yield _checked(self._pages.values(_unpacked(row), 4)[3])
@@ -182,7 +192,7 @@ class Salvage:
                 yield fault
 
     def _rows(self, table: str) -> Iterator[tuple[object, ...]]:
-        """Read the first four values of the rows of a table; the first is a row's number."""
+        """Read the first four values of each row of a table; the first is the row's number."""
         first = self._pages.tables().get(table)
         for row in self._pages.rows(first) if first else ():
             try:
@@ -210,7 +220,7 @@ def _checked(data: object) -> bytes | DamagedError:
 
 
 def _packed(row: TableRow) -> int:
-    """Return the place of a row in one number; no page has more than 65536 bytes."""
+    """Return the page and offset of a row in one number; pages have at most 65536 bytes."""
     return row.page << 16 | row.offset
 
 

@@ -1,4 +1,4 @@
-"""Channels and messages of several parts, brought together."""
+"""Merge the channels and the messages of several parts."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ Part = TypeVar("Part")
 
 
 def united(channels: Mapping[Key, Channel], counts: Mapping[Key, int | None]) -> dict[Key, Channel]:
-    """Make one channel of those that differ in nothing but their counts.
+    """Merge channels that differ in nothing but their counts.
 
     A topic has a connection for each of its publishers, and a channel in each of the files of a
     split recording.
 
     Parameters
     ----------
-    channels : mapping
-    counts : mapping
-        The messages of each channel; 0 where it is missing here.
+    channels : mapping of key to Channel
+    counts : mapping of key to int or None
+        Number of messages of each channel; 0 where a key is missing.
 
     Returns
     -------
-    dict
-        For each key the channel it belongs to, with the sum of the counts: None where one of
-        them is.
+    dict of key to Channel
+        The merged channel of each key, with the sum of the counts; None where one of them is None.
     """
     alike: dict[Channel, list[int | None]] = {}
     for key, channel in channels.items():
@@ -43,21 +42,21 @@ def united(channels: Mapping[Key, Channel], counts: Mapping[Key, int | None]) ->
 
 
 def in_settled_order(channels: Iterable[Channel]) -> list[Channel]:
-    """Return each channel once, by topic, type and definition."""
+    """Return each channel once, sorted by topic, type, encoding and schema."""
     return sorted(set(channels), key=lambda c: (c.topic, c.type, c.encoding, c.schema))
 
 
 def in_time_order(
     parts: Iterable[Part], start: Callable[[Part], float], read: Callable[[Part], Iterator[Message]]
 ) -> Iterator[Message]:
-    """Merge parts into one stream by log time; only parts that overlap in time are held together.
+    """Merge the messages of parts by log time; only parts that overlap in time are read together.
 
     Parameters
     ----------
     parts : iterable
         In the order of the file, which decides between messages of equal times.
     start : callable
-        Returns a time that is not after the first message of a part.
+        Returns a time in nanoseconds that is not after the first message of a part.
     read : callable
         Reads the messages of a part, in time order; called when the first of them is due.
     """
@@ -76,7 +75,7 @@ def in_time_order(
 def _until(
     time: float, running: list[tuple[int, int, Message, Iterator[Message]]]
 ) -> Iterator[Message]:
-    """Take the messages before this time from the heap of running streams."""
+    """Yield the messages before this time (ns) from the heap of running streams."""
     while running and running[0][0] < time:
         _, place, message, messages = running[0]
         yield message

@@ -1,1 +1,1 @@
-"""Messages: from bytes to points, poses and transforms."""
+"""Decode messages: from bytes to points, poses and transforms."""

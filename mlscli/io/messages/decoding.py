@@ -1,7 +1,7 @@
-"""From the bytes of a message to an object with its fields.
+"""Deserialize messages: from bytes to an object with the fields of the message.
 
-How they are serialized and how their type is defined is the channel's to say: ROS 1's way and
-CDR with definitions of ROS, protobuf with its descriptors, and json, which needs none.
+The channel states the serialization and the definition: ros1 and cdr with definitions of ROS,
+protobuf with its descriptors, or json, which needs none.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 
 class MalformedMessageError(ValueError):
-    """The bytes of a message are not what its definition says; says on one line what is wrong."""
+    """The bytes of a message do not fit its definition; one line states what is wrong."""
 
     def __init__(self, words: str) -> None:
         super().__init__(one_line(words))
@@ -40,33 +40,33 @@ class Deserializer:
     def read(self, message: Message) -> Any:
         """Return an object whose attributes are the fields of the message.
 
-        Sequences of numbers are arrays; so are, in ROS messages that hold points or poses one
-        by one, sequences of structures of numbers, with a named field for each.
+        In ROS messages, sequences of numbers are arrays (N,); sequences of structures of numbers,
+        such as points or poses, are structured arrays (N,).
 
         Raises
         ------
         MalformedMessageError
-            The bytes do not fit the definition, or that cannot be read.
+            The bytes do not fit the definition, or the definition cannot be used.
         """
         codec = self._codec(message.channel)
         try:
             return codec.read(message.data)
         except MalformedMessageError:
             raise
-        except Exception as error:  # The libraries fail in many ways on what is damaged.
+        except Exception as error:  # The libraries fail in many ways on damaged messages.
             raise MalformedMessageError(
                 f"is no {message.channel.type} in {message.channel.encoding}: {_reason(error)}"
             ) from error
 
     def stamp(self, message: Message) -> float:
-        """Return the time that the message begins with, in seconds; NaN where it has none.
+        """Return the stamp that the message begins with, in seconds; NaN where it has none.
 
-        Messages of ROS need not be read for it.
+        A message of ROS is not deserialized for this.
         """
         return self._head(message)[0]
 
     def frame(self, message: Message) -> str:
-        """Return the frame that follows the time; empty where there is none."""
+        """Return the frame that follows the stamp; empty where there is none."""
         return self._head(message)[1]
 
     def why_not(self, channel: Channel) -> str:
@@ -77,7 +77,7 @@ class Deserializer:
     def _head(self, message: Message) -> tuple[float, str]:
         try:
             return self._codec(message.channel).head(message.data)
-        except Exception:  # What is wrong with the message is told when it is read.
+        except Exception:  # What is wrong with the message is reported when it is read.
             return math.nan, ""
 
     def _codec(self, channel: Channel) -> _Codec:
@@ -88,7 +88,7 @@ class Deserializer:
 
 
 def _reason(error: Exception) -> str:
-    """Say on one line what a library found wrong."""
+    """Return the error of a library as one line."""
     return one_line(error) or f"it is damaged ({type(error).__name__})"
 
 
@@ -97,7 +97,7 @@ class _Codec(Protocol):
         """Return a message as an object."""
 
     def head(self, data: bytes | memoryview) -> tuple[float, str]:
-        """Return the time and the frame that a message begins with."""
+        """Return the stamp (s) and the frame that a message begins with."""
 
 
 class _Ros:
@@ -114,7 +114,7 @@ class _Ros:
         opening = [desc for _, desc in fields[has_sequence_number:][:2]]
         self._has_time = opening[:1] == [(Nodetype.NAME, _TIME)]
         self._has_frame = self._has_time and opening[1:] == [(Nodetype.BASE, ("string", 0))]
-        # In CDR four bytes that tell the byte order come first.
+        # In CDR four bytes that hold the byte order come first.
         self._time_at = 4 * (self._is_cdr + has_sequence_number)
 
     def head(self, data: bytes | memoryview) -> tuple[float, str]:
@@ -167,7 +167,7 @@ def _codec_of(channel: Channel) -> _Codec:
             from mlscli.io.messages.protobuf import reader
 
             return _Named(reader(channel))
-    except Exception as error:  # A damaged definition can fail in any way its parser knows.
+    except Exception as error:  # Parsers fail in many ways on damaged definitions.
         return _Unreadable(f"the definition of {channel.type} cannot be used: {_reason(error)}")
     if channel.encoding == "json":
         return _Named(lambda data: json.loads(data, object_hook=_as_object))

@@ -1,7 +1,7 @@
-"""The recorded definition of a ROS message, as the types that rosbags works with.
+"""Parse the recorded definition of a ROS message to the types of rosbags.
 
-A definition is input like any other: one that is damaged, or made to harm, is refused before
-code is generated from it or memory is taken for what it describes.
+A definition is input that is not trusted: one that is damaged or hostile is refused before memory
+is allocated for what it describes.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from rosbags.typesys.store import Typestore
 from mlscli.io.containers.container import Channel
 from mlscli.io.ros import usual_types
 
-# How the module struct calls the values that messages are made of, beside strings.
+# The format characters of the module struct for all primitive types but strings.
 PRIMITIVES = {
     "bool": "?", "byte": "b", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
     "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
 }  # fmt: skip
 
-# A type without fields has this one in ROS 2, as a structure of C has one at least.
+# ROS 2 gives this field to a type without any, as a structure in C needs one.
 FILLER = "structure_needs_at_least_one_member"
 
-# Definitions of several files stand between lines of 80 equals signs.
+# Lines of 80 equals signs separate the definitions of several files.
 _SEPARATOR = "=" * 80 + "\n"
 
-# The fixed part of the largest message that holds points or poses has some 700 bytes.
+# In bytes; the largest fixed part of a message that holds points or poses has some 700.
 _LARGEST_FIXED_PART = 2**16
 
 
 def typestore_of(channel: Channel) -> Typestore:
-    """Return the types of a channel's schema, or of the distribution where it has none.
+    """Return the types of a channel's schema, or those of a ROS distribution where it has none.
 
     Raises
     ------
     Exception
-        The definition cannot be read, lacks a type, or describes what no message can be. The
-        library that parses it fails in ways of its own.
+        Of any kind, as the parsers of rosbags raise many: the definition cannot be read, lacks a
+        type, or describes an impossible message.
     """
     if channel.schema.strip():
         store = get_typestore(Stores.EMPTY)
@@ -51,15 +51,15 @@ def typestore_of(channel: Channel) -> Typestore:
 
 
 def smallest_size(type_: str, definitions: Typesdict) -> int:
-    """Return how many bytes a message of this type takes at least, gaps not counted.
+    """Return the least size of a message of this type in bytes, gaps for alignment not counted.
 
     Raises
     ------
     ValueError
-        A type is not defined, contains itself, or has a fixed part beyond all measure; or the
-        elements of a sequence may take no bytes, so that nothing bounds their number.
+        A type is not defined or not known, contains itself, or takes more than 64 KiB at least;
+        or the elements of a sequence may take no bytes, so that nothing bounds their number.
     """
-    # A type stands at None while its fields are looked at.
+    # The size of a type is None while its fields are added up.
     sizes: dict[str, int | None] = {}
 
     def of_type(name: str) -> int:
@@ -105,7 +105,7 @@ def _parsed(channel: Channel) -> Typesdict:
         )
     types: Typesdict = {}
     for part in text.split(_SEPARATOR):
-        # Where there are several, a line with its name heads each.
+        # Where there are several, each begins with a line that names it.
         idl = part.partition("\n")[2] if part.startswith("IDL: ") else part
         if idl.strip():
             types |= get_types_from_idl(idl)

@@ -1,15 +1,15 @@
-"""ROS messages, read with an array in place of an object for each of many points.
+"""Deserialize ROS messages, with one array in place of an object for each of many points.
 
 rosbags makes an object of every ``geometry_msgs/Point``, at 1 µs each; a SLAM system that
-publishes its whole map as a marker has tens of thousands in every message. Here a sequence of
-structures that all lie alike in the bytes is one structured array upon them. Nor is code made
-from a definition, which takes rosbags as long as reading fifty large clouds.
+publishes its whole map as a marker sends tens of thousands in every message. Here a sequence of
+structures of one fixed layout becomes a structured array, a view of the bytes. No code is generated
+to read a type, which takes rosbags as long as reading fifty large clouds.
 
 References
 ----------
 ROS 1: values follow each other without a gap. CDR (OMG, Common Object Request Broker
 Architecture, part 2, section 9.3): a value of n bytes begins at a multiple of n, counted from
-the message's begin.
+the beginning of the message.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mlscli.io.messages.definitions import FILLER, PRIMITIVES
 from mlscli.runtime.arrays import Array
 
 _Order: TypeAlias = Literal["<", ">"]
-# Reads a value that begins at a place in the data, and returns the place behind it as well.
+# Reads the value at an offset in the data, and returns it with the offset after it.
 _Read: TypeAlias = Callable[[memoryview, int], tuple[Any, int]]
 
 
@@ -37,10 +37,11 @@ class FlatReader:
     Parameters
     ----------
     type_ : str
+        Name of the message type.
     definitions : dict
-        Of all types that it is made of, as rosbags parses them; none contains itself.
+        That type and all that it is made of, as rosbags parses them; none may contain itself.
     is_cdr : bool
-        Whether messages are serialized in CDR; in the manner of ROS 1 otherwise.
+        Whether messages are serialized in CDR; otherwise as in ROS 1.
     """
 
     def __init__(self, type_: str, definitions: Typesdict, *, is_cdr: bool) -> None:
@@ -51,7 +52,10 @@ class FlatReader:
         self._structures: dict[tuple[str, _Order], _Read] = {}
 
     def read(self, data: bytes | memoryview) -> Any:
-        """Read a message: its fields are attributes, such a sequence a structured array (N,).
+        """Read a message as an object whose attributes are its fields.
+
+        Sequences of numbers are arrays (N,), sequences of structures of one fixed layout
+        structured arrays (N,), all other sequences lists.
 
         Raises
         ------
@@ -65,7 +69,7 @@ class FlatReader:
                 raise ValueError("it is not marked as plain CDR")
             body, order = body[4:], "<" if data[1] else ">"
         message, end = self._structure(self._type, order)(body, 0)
-        # A middleware may fill up the last four bytes.
+        # A middleware may pad a message to a multiple of four bytes.
         if not 0 <= len(body) - end <= (3 if self._is_cdr else 0):
             raise ValueError(f"it has {len(body)} bytes, expected {end}")
         return message
@@ -75,7 +79,7 @@ class FlatReader:
         return fields if self._is_cdr else [field for field in fields if field[0] != FILLER]
 
     def _layout(self, desc: FieldDesc) -> np.dtype[Any] | None:
-        """Return how a value lies in the bytes, little-endian; None where not always alike."""
+        """Return the little-endian dtype of a value; None where its layout is not fixed."""
         content: Any = desc[1]
         if desc[0] == Nodetype.BASE:
             return None if content[0] == "string" else np.dtype("<" + PRIMITIVES[content[0]])
@@ -84,13 +88,13 @@ class FlatReader:
         if content not in self._layouts:
             parts = [(name, self._layout(field)) for name, field in self._fields(content)]
             whole = None if any(part is None for _, part in parts) else np.dtype(parts)
-            # In CDR values leave no gaps if they are of one size.
+            # In CDR there are surely no gaps if all numbers are of one size.
             if whole is not None and self._is_cdr and len(_sizes(whole)) != 1:
                 whole = None
             self._layouts[content] = whole
         return self._layouts[content]
 
-    # --- what reads a value of each kind ---
+    # --- a reader for each kind of value ---
 
     def _reader(self, desc: FieldDesc, order: _Order) -> _Read:
         content: Any = desc[1]
@@ -141,7 +145,7 @@ class FlatReader:
 
     def _string(self, order: _Order) -> _Read:
         length = self._number(("uint32", 0), order)
-        # CDR counts the zero at its end.
+        # In CDR the length includes a zero byte at the end.
         zero = int(self._is_cdr)
 
         def read(data: memoryview, at: int) -> tuple[str, int]:
@@ -155,7 +159,7 @@ class FlatReader:
         gap = max(_sizes(layout)) - 1 if self._is_cdr else 0
 
         def read(data: memoryview, at: int, count: int) -> tuple[Array, int]:
-            # Without elements there is no gap before them.
+            # An empty sequence has no gap after its length.
             at = (at + gap) & ~gap if count else at
             return np.frombuffer(data, layout, count, at), at + count * layout.itemsize
 
@@ -164,7 +168,7 @@ class FlatReader:
     def _list(self, element: _Read) -> Callable[[memoryview, int, int], tuple[list[Any], int]]:
         def read(data: memoryview, at: int, count: int) -> tuple[list[Any], int]:
             values = []
-            # Each element takes some bytes, so that a hostile count ends with the data.
+            # Each element takes some bytes, so that a hostile count fails where the data ends.
             for _ in range(count):
                 value, at = element(data, at)
                 values.append(value)

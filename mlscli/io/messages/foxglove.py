@@ -1,9 +1,9 @@
-"""Foxglove's clouds and scans, alike in protobuf, in json and as messages of ROS.
+"""Decode Foxglove's clouds and scans, from protobuf, json or messages of ROS.
 
 References
 ----------
-Foxglove's message schemas: PointCloud, PackedElementField, NumericType, LaserScan. In json
-bytes are in base64; numbers in them are little-endian.
+Foxglove's message schemas: PointCloud, PackedElementField, NumericType, LaserScan. In json,
+bytes are in base64; packed numbers are little-endian.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of, pl
 from mlscli.io.messages.pointcloud2 import Packed, PointField
 from mlscli.runtime.arrays import Array, Float64
 
-# foxglove.NumericType: what its numbers stand for.
+# The numbers of foxglove.NumericType, each with its numpy type.
 _DATATYPES = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8"}
 
 
 def decode_foxglove_pointcloud(message: Any) -> list[CloudPart]:
-    """Read a ``foxglove.PointCloud``.
+    """Decode a ``foxglove.PointCloud``.
 
     Raises
     ------
     MalformedCloudError
-        A coordinate is missing, a field leaves its point, or the data is no whole number of
-        points.
+        A coordinate is missing, a field extends beyond its point, its datatype is not known, or
+        the data is no whole number of points.
     """
     data = _bytes(message.data)
     stride = int(message.point_stride)
@@ -46,7 +46,7 @@ def decode_foxglove_pointcloud(message: Any) -> list[CloudPart]:
 
 
 def decode_foxglove_laserscan(message: Any) -> list[CloudPart]:
-    """Read a ``foxglove.LaserScan``: its beams are spread evenly from first to last angle."""
+    """Decode a ``foxglove.LaserScan``: beams are spread evenly from the first to the last angle."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
     return [_part(message, polar(ranges, angles), None)]

@@ -1,4 +1,4 @@
-"""Scans of a planar laser.
+"""Decode scans of a planar laser.
 
 References
 ----------
@@ -17,7 +17,7 @@ from mlscli.runtime.arrays import Float64
 
 
 def decode_laserscan(message: Any) -> list[CloudPart]:
-    """Read a ``sensor_msgs/LaserScan``; beams that hit nothing are NaN."""
+    """Decode a ``sensor_msgs/LaserScan``; beams without a valid range are NaN."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = message.angle_min + np.arange(len(ranges)) * message.angle_increment
     valid = (ranges >= message.range_min) & (ranges <= message.range_max)
@@ -26,6 +26,18 @@ def decode_laserscan(message: Any) -> list[CloudPart]:
 
 
 def polar(ranges: Float64, angles: Float64) -> Float64:
-    """Return the points (N, 3) of beams in the xy plane; those not finite are NaN."""
+    """Return the points of beams in the xy plane.
+
+    Parameters
+    ----------
+    ranges : float64 (N,)
+    angles : float64 (N,)
+        Radians about z, from x.
+
+    Returns
+    -------
+    float64 (N, 3)
+        NaN where the range is not finite.
+    """
     ranges = np.where(np.isfinite(ranges), ranges, np.nan)
     return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles), ranges * 0])

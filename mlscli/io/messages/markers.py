@@ -1,7 +1,7 @@
-"""Clouds drawn as markers, as SLAM systems show their maps in RViz.
+"""Decode clouds drawn as markers, as SLAM systems show their maps in RViz.
 
-Points, spheres and cubes stand for points: their centres. RViz moves the list of a marker by
-the marker's pose; the scale is the size of each point, not of the list.
+Points, spheres and cubes are read as points at their centres. As in RViz, the pose of a marker
+moves the points of its list; its scale is the size of each point and moves nothing.
 
 References
 ----------
@@ -26,19 +26,19 @@ _NONE = np.empty((0, 3))
 
 
 def decode_marker(message: Any) -> list[CloudPart]:
-    """Read a ``visualization_msgs/Marker``; there is no part where it adds nothing."""
+    """Decode a ``visualization_msgs/Marker``; there is no part where its action is not to add."""
     return _parts([message])
 
 
 def decode_markerarray(message: Any) -> list[CloudPart]:
-    """Read a ``visualization_msgs/MarkerArray``; there is a part for each frame and time."""
+    """Decode a ``visualization_msgs/MarkerArray``; there is a part for each frame and time."""
     return _parts(message.markers)
 
 
 def _parts(markers: Iterable[Any]) -> list[CloudPart]:
     clouds: dict[tuple[str, float], list[CloudPart]] = {}
     for marker in markers:
-        # What is deleted was a point once, and has been read then.
+        # Points that are deleted now were read when they were added.
         if marker.action == _ADD:
             header, points = marker.header, _centres(marker)
             part = part_of(
@@ -58,7 +58,7 @@ def _parts(markers: Iterable[Any]) -> list[CloudPart]:
 
 
 def _centres(marker: Any) -> Float64 | None:
-    """Return the points of a marker in its frame; None where its type holds none."""
+    """Return a marker's points (N, 3) in the frame of its header; None where its type has none."""
     if marker.type in (_POINTS, _SPHERE_LIST, _CUBE_LIST):
         return placed(vectors(marker.points), marker.pose)
     if marker.type in (_SPHERE, _CUBE):

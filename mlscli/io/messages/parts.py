@@ -1,4 +1,4 @@
-"""What every decoder of clouds makes of a message, and what decoders share."""
+"""The result of every decoder of clouds, and what decoders share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mlscli.runtime.arrays import Array, Float64
 
 
 class MalformedCloudError(ValueError):
-    """A message contradicts itself or lacks a coordinate; says what was found and expected."""
+    """A message contradicts itself or lacks a field; one line states what was found."""
 
     def __init__(self, words: str) -> None:
         super().__init__(one_line(words))
@@ -29,15 +29,15 @@ class CloudPart(NamedTuple):
     Attributes
     ----------
     points : float64 (N, 3)
-        NaN where nothing was measured.
+        Coordinates in the unit of the recording; NaN where nothing was measured.
     keyframes : (N,) or None
-        The keyframe of each point; None where the message does not tell them apart.
+        The keyframe of each point, of any dtype; None where the message has no such field.
     frame_id : str
         As recorded; empty where none is stated.
     stamp : float
         Time in seconds; NaN where none is stated.
     skipped : int
-        Things beside the points that hold none, as markers that are text.
+        Number of markers that hold no points, such as text.
     """
 
     points: Float64
@@ -47,7 +47,7 @@ class CloudPart(NamedTuple):
     skipped: int = 0
 
     def split(self) -> list[Float64]:
-        """Return a cloud for each keyframe, in order of first appearance."""
+        """Return the points (N, 3) of each keyframe, in order of first appearance."""
         if self.keyframes is None or not len(self.points):
             return [self.points]
         return [self.points[rows] for rows in rows_by_first_appearance(self.keyframes)]
@@ -56,12 +56,12 @@ class CloudPart(NamedTuple):
 def part_of(
     points: Float64, frame_id: Any, time: Any, keyframes: Array | None = None, skipped: int = 0
 ) -> CloudPart:
-    """Return points with their frame and time as the message states them.
+    """Return points (N, 3) with their frame and time as the message states them.
 
     Raises
     ------
     MalformedCloudError
-        They are no points, or not what their type makes them.
+        The points are not (N, 3), or the frame is no text.
     """
     if not isinstance(frame_id, str):
         raise MalformedCloudError(f"frame {str(frame_id)[:50]!r}, expected text")
@@ -76,19 +76,20 @@ def seconds(time: Any) -> float:
         whole, nanoseconds = time.seconds, time.nanos
     else:
         whole, nanoseconds = time.sec, time.nanosec if hasattr(time, "nanosec") else time.nsec
-    # Text times a number is a long text.
+    # As integers: in json they may be text, and text times a number is a long text.
     return (int(whole) * NANOSECONDS + int(nanoseconds)) / NANOSECONDS
 
 
 def vectors(structures: Array) -> Float64:
-    """Return the fields x, y, z of a structured array (N,) as rows, float64."""
+    """Return the fields x, y, z of a structured array (N,) as float64 (N, 3)."""
     return side_by_side([structures[name] for name in "xyz"])
 
 
 def placed(points: Float64, pose: Any) -> Float64:
-    """Move points by the pose of what holds them.
+    """Move points (N, 3) by the pose that their message states.
 
-    A quaternion of zeros, as in poses that nobody filled in, turns nothing; so RViz has it.
+    A quaternion of zeros, as in a pose that was never set, turns nothing, as in RViz. One that is
+    not finite makes all points NaN.
     """
     turn, shift = pose.orientation, pose.position
     quaternion = np.array([turn.x, turn.y, turn.z, turn.w], dtype=np.float64)
@@ -104,16 +105,16 @@ _R = TypeVar("_R")
 
 
 def checked(type_: str, decode: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Let a decoder refuse what is not laid out as its type is.
+    """Return a decoder that raises `MalformedCloudError` where a message does not fit its type.
 
     Definitions are recorded beside messages, and json has none: a field can be missing or be of
-    another kind than its name says.
+    another kind than that of the type.
     """
 
     @wraps(decode)
     def decode_checked(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         try:
-            # What is not finite is no reason to warn: it is dropped later, and counted.
+            # No warnings of values that are not finite: they are dropped later, and counted.
             with np.errstate(all="ignore"):
                 return decode(*args, **kwargs)
         except MalformedCloudError:

@@ -1,4 +1,4 @@
-"""Clouds whose points are listed one by one.
+"""Decode clouds whose points are listed one by one.
 
 References
 ----------
@@ -14,12 +14,12 @@ from mlscli.io.source import keyframe_field
 
 
 def decode_pointcloud(message: Any) -> list[CloudPart]:
-    """Read a ``sensor_msgs/PointCloud``, its points a structured array.
+    """Decode a ``sensor_msgs/PointCloud`` whose points are a structured array.
 
     Raises
     ------
     MalformedCloudError
-        The channel that tells keyframes apart has not a value for each point.
+        The channel of keyframes does not have one value for each point.
     """
     points = vectors(message.points)
     channels = {channel.name: channel.values for channel in reversed(message.channels)}
@@ -34,6 +34,6 @@ def decode_pointcloud(message: Any) -> list[CloudPart]:
 
 
 def decode_posearray(message: Any) -> list[CloudPart]:
-    """Read the positions of a ``geometry_msgs/PoseArray``, its poses a structured array."""
+    """Decode the positions of a ``geometry_msgs/PoseArray`` whose poses are a structured array."""
     points = vectors(message.poses["position"])
     return [part_of(points, message.header.frame_id, message.header.stamp)]

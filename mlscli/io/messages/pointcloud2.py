@@ -1,4 +1,4 @@
-"""Clouds whose points are packed into bytes, in a layout that the message tells.
+"""Decode clouds whose points are packed into bytes, in a layout that the message states.
 
 References
 ----------
@@ -20,7 +20,15 @@ from mlscli.runtime.arrays import Array, Float64
 
 
 class PointField(NamedTuple):
-    """A number of every point: where it begins in the point, and its datatype by number."""
+    """A field of every point.
+
+    Attributes
+    ----------
+    offset : int
+        Offset in the point where its value begins, in bytes.
+    datatype : int
+        Number of its datatype: a key of `Packed.datatypes`.
+    """
 
     offset: int
     datatype: int
@@ -33,12 +41,13 @@ class Packed(NamedTuple):
     ----------
     data : uint8 (M,)
     shape : tuple of int
-        Rows, and points in a row.
+        Number of rows, and of points in a row.
     strides : tuple of int
-        Bytes from row to row and from point to point, with which the data is long enough.
+        Bytes from row to row and from point to point; `data` must be long enough for them.
     fields : mapping of str to PointField
+        By name.
     datatypes : mapping of int to str
-        What the numbers of datatypes stand for, as numpy writes it.
+        The numpy type of each datatype number, without byte order.
     order : str
         ``<`` little-endian, ``>`` big-endian.
     """
@@ -51,12 +60,18 @@ class Packed(NamedTuple):
     order: str
 
     def unpack(self) -> tuple[Float64, Array | None]:
-        """Return the coordinates (N, 3) and, where points tell them, their keyframes (N,).
+        """Return the coordinates of the points, and their keyframes.
+
+        Returns
+        -------
+        points : float64 (N, 3)
+        keyframes : (N,) or None
+            Of the dtype of their field; None where there is no such field.
 
         Raises
         ------
         MalformedCloudError
-            A coordinate is missing, a field leaves its point, or its datatype is not known.
+            A coordinate is missing, a field extends beyond its point, or its datatype is not known.
         """
         absent = [name for name in "xyz" if name not in self.fields]
         if absent:
@@ -86,20 +101,20 @@ class Packed(NamedTuple):
 
 
 def decode_pointcloud2(message: Any) -> list[CloudPart]:
-    """Read a ``sensor_msgs/PointCloud2`` of any layout.
+    """Decode a ``sensor_msgs/PointCloud2`` of any layout.
 
     Raises
     ------
     MalformedCloudError
-        A coordinate is missing, a field leaves its point, or the data is not as long as the
-        layout says.
+        A coordinate is missing, a field extends beyond its point, its datatype is not known, or
+        the data is not as long as the layout says.
     """
-    # Whole numbers by their type; text times a number would be a long text.
+    # As integers: a field may be text, and text times a number is a long text.
     height, width = int(message.height), int(message.width)
     steps = int(message.row_step), int(message.point_step)
     points, keyframes = np.empty((0, 3)), None
     if width * height:
-        # Of two fields with one name the first counts; of several elements the first as well.
+        # Of several fields of one name the first counts; of a field with several elements, too.
         fields: dict[str, PointField] = {}
         for field in message.fields:
             fields.setdefault(field.name, PointField(field.offset, field.datatype))

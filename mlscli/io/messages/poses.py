@@ -1,4 +1,4 @@
-"""Messages that tell where something is: from a deserialised message to arrays.
+"""Decode messages that hold poses or transforms: from a deserialized message to arrays.
 
 References
 ----------
@@ -40,7 +40,7 @@ def _pose_with_covariance_stamped(message: Any) -> Iterator[_Row]:
 
 def _path(message: Any) -> Iterator[_Row]:
     for each in message.poses:
-        # Poses that name no frame are in the path's.
+        # Poses that name no frame are in that of the path.
         parent = each.header.frame_id or message.header.frame_id
         yield parent, "", each.header.stamp, each.pose.position, each.pose.orientation
 
@@ -76,7 +76,10 @@ def _frame_transforms(message: Any) -> Iterator[_Row]:
 
 
 def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[StampedPoses]]:
-    """Let a decoder return arrays, for each pair of frames in order of first appearance."""
+    """Return a decoder that gathers rows into arrays, one set for each pair of frames.
+
+    The pairs come in order of first appearance.
+    """
 
     @wraps(rows)
     def decode(message: Any) -> list[StampedPoses]:
@@ -110,7 +113,7 @@ POSE_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
         "foxglove_msgs/msg/PoseInFrame": _pose_in_frame,
     }.items()
 }
-"""The message types that tell where the craft is, and how each is decoded."""
+"""The message types that hold poses of the craft, each with its decoder."""
 
 TRANSFORM_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
     type_: checked(type_, _gathered(rows))
@@ -123,7 +126,7 @@ TRANSFORM_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
         "foxglove_msgs/msg/FrameTransforms": _frame_transforms,
     }.items()
 }
-"""The message types that relate frames, and how each is decoded.
+"""The message types that hold transforms between frames, each with its decoder.
 
-Decoders of both raise `MalformedCloudError` where a message lacks what its type has.
+Like those of `POSE_TYPES`, they raise `MalformedCloudError` where a message does not fit its type.
 """

@@ -1,4 +1,4 @@
-"""Messages in protobuf, by the descriptors that an MCAP file holds beside them.
+"""Read messages in protobuf with the descriptors that an MCAP file holds beside them.
 
 References
 ----------
@@ -17,13 +17,13 @@ from mlscli.io.containers.container import Channel
 
 
 def reader(channel: Channel) -> Callable[[bytes], Any]:
-    """Return what reads a channel's messages.
+    """Return the function that reads the messages of a channel.
 
     Raises
     ------
     Exception
-        The schema is missing, no set of descriptors, or does not define the type. The library
-        that reads it fails in ways of its own.
+        Of any kind, as protobuf raises many: the schema is missing, no set of descriptors, or
+        does not define the type.
     """
     if channel.schema_encoding != "protobuf":
         raise ValueError(f"it is written in {channel.schema_encoding[:50]!r}, expected protobuf")

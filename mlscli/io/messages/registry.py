@@ -1,4 +1,4 @@
-"""Messages that hold points: from a deserialised message to float64 coordinates.
+"""The decoders of messages that hold points: from a deserialized message to coordinates.
 
 A cloud with a field or channel named ``keyframe`` (or ``kf``, ``kf_id``) holds the points of
 several keyframes and is split by it.
@@ -33,11 +33,11 @@ CLOUD_TYPES: dict[str, Callable[[Any], list[CloudPart]]] = {
         "foxglove_msgs/msg/LaserScan": decode_foxglove_laserscan,
     }.items()
 }
-"""The message types that can be mapped, and how each is decoded.
+"""The message types that can be mapped, each with its decoder.
 
-A decoder takes a message that `Deserializer` has read and raises `MalformedCloudError` where it
-contradicts itself.
+A decoder takes a message that `Deserializer` has read, and raises `MalformedCloudError` where the
+message contradicts itself or does not fit its type.
 """
 
 MAPPABLE = ", ".join(type_ for type_ in CLOUD_TYPES if not type_.startswith("foxglove_msgs"))
-"""Their names, for messages to the user; those of Foxglove have two spellings."""
+"""The names of `CLOUD_TYPES` for messages to the user; of Foxglove's two spellings the first."""

@@ -1,4 +1,4 @@
-"""The clouds of one topic of a container, and what it tells beside them of frames and poses."""
+"""The clouds of one topic of a container, and the transforms and poses of the container."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from mlscli.io.source import Clock, Cloud, StampedPoses, Topic, Wanted, everythi
 
 
 class TopicSource:
-    """A topic of a container; its clouds are read anew at each pass and never held together.
+    """A topic of a container; each pass reads its clouds again and never holds them all.
 
     Parameters
     ----------
     container : Container
     topic : str, optional
-        The topic of the clouds; not needed where there is only one.
+        The topic of the clouds; not needed where only one has clouds.
     clock : {"header", "log"}
+        Which times are used, see `Clock`.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class TopicSource:
 
     @property
     def expected_keyframes(self) -> int | None:
-        """The messages of the topic; None where they hold several keyframes each."""
+        """The number of messages of the topic; None where each may hold several keyframes."""
         return None if self._topic.name in self._split else self._topic.count
 
     @property
@@ -85,12 +86,12 @@ class TopicSource:
 
     @property
     def losses(self) -> Sequence[str]:
-        """What the last pass could not read, and what could not of transforms and poses."""
+        """What the last pass over clouds, and any pass over transforms or poses, could not read."""
         of_clouds = filter(None, [*self._container.losses, self._unreadable])
         return list(self._lost_beside | dict.fromkeys(of_clouds))
 
     def topics(self) -> Sequence[Topic]:
-        """Describe all topics, by name."""
+        """Return all topics, sorted by name."""
         return self._topics
 
     def time_span(self) -> tuple[float, float]:
@@ -103,7 +104,14 @@ class TopicSource:
     def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
         """Read the clouds of the topic in the order of their recording.
 
-        Messages that cannot be read are left out and told in `losses` when the pass ends.
+        Messages that cannot be read are left out, and reported in `losses` when the pass ends.
+
+        Raises
+        ------
+        InputError
+            No topic has clouds.
+        UsageError
+            Several topics have clouds and none was chosen, or the one chosen cannot be mapped.
         """
         self._unreadable, self._skipped = "", 0
         came = lost = 0
@@ -129,27 +137,27 @@ class TopicSource:
                     for points in part.split():
                         yield Cloud(points, time, frame_id=part.frame_id)
         finally:
-            # Also where a pass is ended before all was read.
+            # Also where the caller ends the pass early.
             if lost:
                 self._unreadable = (
                     f"{self.label}: {lost} of {came} messages cannot be read, {first_fault}"
                 )
 
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
-        """Tell where frames are in others, and whether they stay there.
+        """Read the transforms of all topics, each with whether its topic is a ``tf_static``.
 
-        Messages that cannot be read tell nothing, and are told in `losses`.
+        Messages that cannot be read are left out, and reported in `losses` when the pass ends.
         """
         for topic, poses in self._told(TRANSFORM_TYPES):
             yield poses, topic.rpartition("/")[2] == "tf_static"
 
     def poses(self, topic: str) -> Iterator[StampedPoses]:
-        """Tell the poses of a topic; none where there is no such topic.
+        """Read the poses of a topic; none where there is no such topic.
 
         Raises
         ------
         UsageError
-            The topic holds no poses.
+            The type of the topic's messages holds no poses.
         """
         named = [c for c in self._container.channels if _same(c.topic, topic)]
         if named and not any(channel.type in POSE_TYPES for channel in named):
@@ -185,7 +193,7 @@ class TopicSource:
         types: Mapping[str, Callable[[Any], list[StampedPoses]]],
         topic: str | None = None,
     ) -> Iterator[tuple[str, StampedPoses]]:
-        """Read poses, each with the topic that tells it."""
+        """Read the poses of messages of these types, with the topic of each."""
         unreadable: Counter[str] = Counter()
         refused: Counter[str] = Counter()
         try:
@@ -242,11 +250,11 @@ class TopicSource:
         return topic
 
     def _damage(self) -> str:
-        """Say what may be the reason that a topic is missing."""
+        """Return the losses of the container, a possible reason why a topic is missing."""
         return "".join(f"; {loss}" for loss in self._container.losses)
 
     def _describe(self) -> list[Topic]:
-        """Describe all topics; of those with clouds, the first message tells the frame."""
+        """Return all topics; the frame of clouds is that of their first message."""
         counts: dict[tuple[str, str], list[int | None]] = {}
         faults: dict[tuple[str, str], str] = {}
         for channel in self._container.channels:
@@ -274,7 +282,7 @@ class TopicSource:
         try:
             parts = self._decode(first)
         except (MalformedMessageError, MalformedCloudError):
-            # What is wrong with the message is told when it is read.
+            # What is wrong with the message is reported when it is read.
             return self._deserializer.frame(first)
         if len(parts) != 1 or parts[0].keyframes is not None:
             self._split.add(first.channel.topic)

@@ -1,4 +1,4 @@
-"""The formats there are, and how they are told: by content, never by name."""
+"""The formats that can be read, recognised by content, not by name."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
 def open_source(path: Path, reading: Reading | None = None) -> Source:
-    """Tell the format of a file or folder by its content and open it.
+    """Recognise the format of a file or folder by its content and open it.
 
     Parameters
     ----------
     path : Path
     reading : Reading, optional
-        What the user says of how it is to be read.
+        The user's options for reading it; the defaults where not given.
 
     Raises
     ------
     InputError
-        It is missing, unreadable, broken, or of a format that cannot be read.
+        The path is missing, unreadable, broken, or of a format that cannot be read.
     """
     head = _head(path)
     try:
@@ -47,6 +47,18 @@ def open_source(path: Path, reading: Reading | None = None) -> Source:
 
 
 class _Format(NamedTuple):
+    """A format, and how it is recognised and opened.
+
+    Attributes
+    ----------
+    name : str
+        Its name in messages to the user.
+    holds : callable
+        Returns for a path and its first bytes whether it is of this format.
+    open : callable or None
+        Opens a path; None where the format cannot be read.
+    """
+
     name: str
     holds: Callable[[Path, bytes], bool]
     open: Callable[[Path, Reading], Source] | None = None
@@ -106,16 +118,17 @@ def _open_opensfm(path: Path, _: Reading) -> Source:
 
 
 def _is_ros2_folder(path: Path) -> bool:
-    """Tell whether a folder is a ROS 2 bag: by its metadata, or by files of one without them."""
+    """Return whether a path is a folder with the metadata or message files of a ROS 2 bag."""
     if not path.is_dir():
         return False
     return any(c.name == METADATA_FILE or STORAGE.search(c.name) for c in path.iterdir())
 
 
 def _colmap_models(path: Path) -> list[Path]:
-    """Return the models in a folder: its own, or those of the project that it is.
+    """Return the COLMAP models at a path: a file of points, a folder, or those of a project.
 
-    Their files have no mark at their beginning but the comment of a text, and are known by name.
+    The files are recognised by name, as the binary ones have no magic; a text file also by its
+    first comment.
     """
     if path.is_file():
         by_name = path.name in ("points3D.bin", "points3D.txt")
@@ -132,7 +145,7 @@ def _colmap_models(path: Path) -> list[Path]:
 
 
 def _reconstructions(path: Path) -> list[Path]:
-    """Return the reconstruction that a file is, or that lies in a folder or ODM project."""
+    """Return the OpenSfM reconstructions at a path: a file, or those in a folder or ODM project."""
     if path.is_file():
         head = _head(path).lstrip()
         is_json = head.startswith((b"[", b"{"))
@@ -165,7 +178,7 @@ _FORMATS = (
 
 
 def _head(path: Path) -> bytes:
-    """Return the first bytes of a file; none of a folder."""
+    """Return the first bytes of a file; none for a folder."""
     try:
         if path.is_dir():
             return b""

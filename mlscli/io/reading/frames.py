@@ -1,6 +1,7 @@
-"""What recordings tell of frames: the tree of transforms, the poses of a topic, the mounting.
+"""The frames of recordings: the tree of transforms, the poses of a topic, the mounting.
 
-Which frames stand still is told by their names, or by what moves below them.
+A world frame, which stands still, is known by its name; without one it is the root of the tree, if
+the frame of the clouds moves in it.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ WORLD_FRAMES = (
     *("map", "odom", "odom_combined", "world", "earth", "global", "origin", "local_origin"),
     *("camera_init", "vicon"),
 )
-"""Frames that stand still, whatever name space they are in."""
+"""Names of world frames, which stand still, in any namespace."""
 
 BODY_FRAMES = ("base_link", "base_footprint", "base", "body", "base_stabilized", "imu_link")
-"""What the craft's own frame is mostly called, the likeliest first."""
+"""Usual names of the craft's own frame, the likeliest first."""
 
 
 class Mounting(NamedTuple):
@@ -31,9 +32,9 @@ class Mounting(NamedTuple):
 
     Attributes
     ----------
-    translation : tuple
-        x, y, z.
-    rotation : tuple
+    translation : tuple of float
+        x, y, z, in the unit of the recording.
+    rotation : tuple of float
         Quaternion x, y, z, w, of any length but 0.
     """
 
@@ -42,13 +43,20 @@ class Mounting(NamedTuple):
 
     @property
     def poses(self) -> Poses:
-        """The same, to be chained."""
+        """The same as one pose, to be chained."""
         rotation = unit(np.array([self.rotation]))
         return Poses(np.array([self.translation]), rotation, np.array([True]))
 
 
 class Track(NamedTuple):
-    """T_parent_child over time, as a topic tells it."""
+    """T_parent_child over time, from a topic of poses.
+
+    Attributes
+    ----------
+    parent, child : str
+        Names of the frames; empty where the messages name none.
+    poses : PoseTrack
+    """
 
     parent: str
     child: str
@@ -56,7 +64,7 @@ class Track(NamedTuple):
 
 
 def told_tree(sources: Sequence[Source]) -> TransformTree:
-    """Return the frames that the transforms of all sources tell."""
+    """Return the tree of the transforms of all sources."""
     tree = TransformTree()
     for source in sources:
         for told, stays in source.transforms():
@@ -69,14 +77,14 @@ def told_tree(sources: Sequence[Source]) -> TransformTree:
 
 
 def told_track(sources: Sequence[Source], topic: str) -> Track:
-    """Return the poses that a topic of the sources tells.
+    """Return the poses of a topic, over all sources.
 
     Raises
     ------
     UsageError
-        It tells none.
+        The topic has no poses.
     InputError
-        It tells poses of several frames.
+        The topic has poses of several frames, or in several.
     """
     told = [poses for source in sources for poses in source.poses(topic)]
     stamps = np.concatenate([np.empty(0), *(poses.stamps for poses in told)])
@@ -102,7 +110,23 @@ def told_track(sources: Sequence[Source], topic: str) -> Track:
 
 
 def mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) -> list[str]:
-    """Hang the sensors where the user says that they are mounted; say where that is."""
+    """Add the mounting of the sensors to the tree; return notes about it.
+
+    Parameters
+    ----------
+    tree : TransformTree
+        Changed in place.
+    mounting : Mounting
+        As the user states it; the same for all sensors.
+    sources : sequence of Source
+        Their clouds are in the frames of the sensors.
+
+    Raises
+    ------
+    UsageError
+        The frame of a sensor is in the tree already, is a world frame or has no name, or the
+        frame of the craft is not known.
+    """
     body = body_of(tree)
     notes = []
     for frame in sorted({bare(source.frame_id) for source in sources}):
@@ -126,7 +150,7 @@ def mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) ->
 
 
 def body_of(tree: TransformTree) -> str | None:
-    """Return the craft's frame: one of the usual names, or the only one that others hang not on."""
+    """Return the craft's frame: one with a usual name, or the only leaf of the tree; or None."""
     frames = tree.frames
     for name in BODY_FRAMES:
         for frame in frames:
@@ -135,7 +159,7 @@ def body_of(tree: TransformTree) -> str | None:
     try:
         above = {parent for frame in frames for parent in tree.ancestors(frame)[1:]}
     except InputError:
-        # Frames that hang in a circle hang on no craft.
+        # Frames that hang in a circle have no leaf.
         return None
     leaves = [frame for frame in frames if frame not in above]
     return leaves[0] if len(leaves) == 1 else None
@@ -144,7 +168,27 @@ def body_of(tree: TransformTree) -> str | None:
 def map_frame(
     sources: Sequence[Source], declared: str | None, tree: TransformTree, track: Track | None
 ) -> str:
-    """Return the frame declared, or the world frame that the first clouds are in or lead to."""
+    """Return the map frame: the one declared, or the world frame that the first clouds lead to.
+
+    Where none is declared, the sources are asked in turn. The map frame is that of their clouds if
+    it is a world frame; or else the parent of the track, if there is one; or else the world frame
+    above that of the clouds. It is "map" where no frame is named.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+    declared : str or None
+        As the user names it.
+    tree : TransformTree
+        The transforms of the sources.
+    track : Track or None
+        The poses of the pose topic.
+
+    Raises
+    ------
+    InputError
+        The clouds of a source are in a frame that has no world frame above it.
+    """
     if declared is not None:
         return bare(declared)
     for source in sources:
@@ -166,15 +210,15 @@ def map_frame(
 
 
 def is_world(frame: str) -> bool:
-    """Tell by its name whether a frame stands still."""
+    """Return whether a frame has the name of a world frame, in any namespace."""
     return bare(frame).rpartition("/")[2] in WORLD_FRAMES
 
 
 def world_above(tree: TransformTree, frame: str) -> str | None:
-    """Return the frame above another that stands still; None where there is none.
+    """Return the world frame above a frame; None where there is none.
 
-    It is the topmost with the name of a world frame, or the root where something moves below it:
-    a root that all hangs below unmoved is a part of the craft.
+    It is the topmost with the name of a world frame; or else the root, if the frame moves in it.
+    A root in which the frame does not move is a part of the craft.
     """
     above = tree.ancestors(frame)[1:]
     worlds = [parent for parent in above if is_world(parent)]
@@ -184,7 +228,7 @@ def world_above(tree: TransformTree, frame: str) -> str | None:
 
 
 def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[str]:
-    """Say for each topic of a source what stands against mapping it as it is; nothing where none.
+    """Return for each topic of a source why it cannot be mapped as it is; empty where it can.
 
     A topic of clouds in a sensor's frame can be mapped where transforms lead from it.
 
@@ -192,7 +236,7 @@ def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[st
     ----------
     source : Source
     tree : TransformTree, optional
-        Of the source, where it has been read already.
+        The transforms of the source, where they have been read already.
     """
     tree = told_tree([source]) if tree is None else tree
     reasons = []
@@ -208,7 +252,7 @@ def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[st
 
 
 def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
-    """Say what the user can do about clouds in a sensor's frame."""
+    """Return what the user can do about clouds in a sensor's frame."""
     root = tree.ancestors(frame)[-1]
     tell = f"the transforms lead to {root!r} only" if root != frame else "no transforms lead on"
     ways = [f"`pose_topic` {t.name} moves them with the craft" for t in source.topics() if t.poses]
@@ -217,7 +261,7 @@ def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
 
 @contextmanager
 def named(what: str) -> Iterator[None]:
-    """Let errors of the tree say whose frames they are about."""
+    """Put a name before the message of any `InputError` that is raised within."""
     try:
         yield
     except InputError as error:

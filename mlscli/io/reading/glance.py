@@ -1,4 +1,4 @@
-"""A glance at the beginning of sources: so many points, so much time, and no more is read."""
+"""Read only the beginning of sources, up to a number of points and a time limit."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ _T = TypeVar("_T")
 
 
 class Glance:
-    """How much of the sources of one recording is read, and whether that was all.
+    """The limits up to which the sources of one recording are read, and whether they were reached.
 
-    Each pass over them, for clouds, transforms or poses, begins anew and is bounded alike. A file
-    of points is read whole when it is opened; of its keyframes, too, only the first are taken.
+    They hold for each pass, over clouds, transforms or poses. A file of points is always read
+    whole, but of its keyframes, too, only the first are taken.
 
     Parameters
     ----------
     points : int
-        Keyframes are read until so many points have come.
+        A pass over clouds ends when this number of points has been read.
     seconds : float
-        Of wall time from the first message on, in which a pass begins to read another.
+        A pass ends when this wall time has passed since its first message.
 
     Attributes
     ----------
     cut : bool
-        Whether the last pass over clouds has left some unread.
+        Whether the last pass over clouds left some unread.
     poses_cut : bool
         Whether transforms or poses were left unread.
     """
@@ -40,7 +40,7 @@ class Glance:
         self._sources = 0
 
     def of(self, source: Source) -> Source:
-        """Return a source that ends where the glance does; its sources are to be read in turn."""
+        """Return a source that ends at the limits; read sources in the order of these calls."""
         self._sources += 1
         return cast("Source", _Beginning(source, self, is_first=self._sources == 1))
 
@@ -50,7 +50,7 @@ class Glance:
         self._deadline = None
 
     def took(self, points: int) -> None:
-        """Count points."""
+        """Count points that have been read."""
         self._left -= points
 
     @property
@@ -58,8 +58,8 @@ class Glance:
         """Whether nothing more is to be read in this pass."""
         now = time.monotonic()
         if self._deadline is None:
-            # A file of points is read before its first keyframe is asked about, however long
-            # that takes.
+            # The time begins here: a file of points is read whole before its first keyframe,
+            # however long that takes.
             self._deadline = now + self._seconds
         return self._left <= 0 or now > self._deadline
 
@@ -69,7 +69,7 @@ class _Over(Exception):  # noqa: N818  # no error: it ends a pass from within
 
 
 class _Beginning:
-    """The beginning of a source; all but its passes is the source's own."""
+    """A source whose passes end at the limits of a glance; all else is that of the source."""
 
     def __init__(self, source: Source, glance: Glance, *, is_first: bool) -> None:
         self._source = source
@@ -86,7 +86,7 @@ class _Beginning:
             glance.cut = False
 
         def asked(stamp: float) -> bool:
-            # Asked of unwanted messages, too: a start far into the flight is not waited for.
+            # Unwanted messages count, too: a start far into the flight is not waited for.
             if glance.is_over:
                 raise _Over
             return wanted(stamp)

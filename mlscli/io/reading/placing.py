@@ -1,8 +1,8 @@
-"""Where clouds are in the map: the way from each frame into the map frame, at any time.
+"""Move clouds into the map frame, at their own times, and find the position of the craft.
 
-A cloud in the map frame is taken as it is, and so is one in no frame, unless a topic tells poses.
-Any other is moved by the transforms of the recording (/tf, /tf_static), or by those poses, at its
-own time. What is known of the craft's position on the way becomes the route.
+A cloud in the map frame is taken as it is, and so is one in no frame, unless there is a pose topic.
+Any other is moved by the transforms of the recording (/tf, /tf_static), or by the poses of that
+topic. The positions of the craft become the route.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from mlscli.runtime.arrays import Float64
 
 @dataclass(frozen=True)
 class Asked:
-    """What the user says of frames and poses.
+    """The user's options for frames and poses.
 
     Attributes
     ----------
     frame : str or None
         The map frame.
     pose_topic : str or None
-        The topic that tells where the craft was.
+        The topic that holds poses of the craft.
     mounting : Mounting or None
-        Where the sensor is on the craft, where the recording does not tell.
+        The pose of the sensor on the craft, for recordings that do not hold it.
     trajectory : Trajectory or None
-        Where the craft was, from a file.
+        Positions of the craft, from a file.
     """
 
     frame: str | None = None
@@ -55,19 +55,19 @@ class Asked:
 
 
 Way = Callable[[float], Pose | None]
-"""T_map_cloud at a time; None or an `InputError` where not known."""
+"""Returns T_map_cloud at a stamp (s); returns None or raises `InputError` where not known."""
 
 
 @dataclass(eq=False)
 class Placing:
-    """The map frame, and the way into it from every other.
+    """Moves clouds from any frame into the map frame.
 
     Attributes
     ----------
     frame_id : str
         The map frame.
     notes : list of str
-        How clouds come into it.
+        What the user should know about how clouds come into it.
     """
 
     frame_id: str
@@ -79,14 +79,14 @@ class Placing:
 
     @classmethod
     def of(cls, sources: Sequence[Source], asked: Asked) -> Placing:
-        """Read what the sources tell of frames, and settle the map frame.
+        """Read the transforms and poses of the sources, and choose the map frame.
 
         Raises
         ------
         InputError
             The clouds of a source can never come into the map frame.
         UsageError
-            What is asked for fits no source.
+            An option fits no source.
         """
         tree, notes = told_tree(sources), list[str]()
         track = None if asked.pose_topic is None else told_track(sources, asked.pose_topic)
@@ -102,7 +102,12 @@ class Placing:
         return placing
 
     def place(self, source: Source, cloud: Cloud) -> Cloud | None:
-        """Return a cloud in the map frame, with the craft's position; None where not known where.
+        """Return a cloud moved into the map frame, with the position of the craft.
+
+        Returns
+        -------
+        Cloud or None
+            None where the pose of the cloud at its time is not known.
 
         Raises
         ------
@@ -118,7 +123,7 @@ class Placing:
             try:
                 pose = way(cloud.stamp)
             except InputError:
-                # The frames are connected at other times.
+                # The frames are connected at other times only.
                 pose = None
             if pose is None:
                 return None
@@ -128,12 +133,15 @@ class Placing:
         return Cloud(points, cloud.stamp, known or position, self.frame_id, attitude)
 
     def moves_with_craft(self, frame_id: str) -> bool:
-        """Tell whether a frame is a sensor's: there, (0, 0, 0) is where the sensor is itself."""
+        """Return whether a frame is that of a sensor, which is itself at (0, 0, 0)."""
         frame = bare(frame_id)
         return (bool(frame) and not is_world(frame)) or self._ways.get(frame) is not None
 
     def _position(self, stamp: float) -> tuple[float, float, float] | None:
-        """Return where the craft was, by the best that is known; None where nothing is."""
+        """Return the position of the craft, x, y, z in the map frame; None where not known.
+
+        It is that of the trajectory; without one, of the pose topic; or else of the transforms.
+        """
         times = np.array([stamp])
         if self._asked.trajectory is not None:
             return _known(self._asked.trajectory.at(times))
@@ -145,7 +153,7 @@ class Placing:
                 return None
             return _known(self._tree.lookup(self.frame_id, body, times).translation)
         except InputError:
-            # The frames are connected at other times.
+            # The frames are connected at other times only.
             return None
 
     @cached_property
@@ -155,7 +163,7 @@ class Placing:
     # --- ways into the map frame ---
 
     def _check(self, source: Source) -> None:
-        """Find the way of a source's first cloud, and say which it is."""
+        """Find the way of a source's first cloud, and add a note about it."""
         if not source.topics():
             return
         frame = bare(source.frame_id)
@@ -171,7 +179,7 @@ class Placing:
             )
 
     def _way(self, source: Source, frame: str) -> Way | None:
-        """Return the way of clouds of a frame; None where they are taken as they are."""
+        """Return the way for clouds in a frame; None where they are taken as they are."""
         if self._track is not None and frame != self.frame_id:
             return self._way_by_poses(self._track, frame)
         if frame in ("", self.frame_id):
@@ -181,7 +189,7 @@ class Placing:
                 f"{source.label}: the clouds are in the frame {frame!r}, expected the map frame "
                 f"{self.frame_id!r}, or transforms that lead to it"
             )
-        # Refused at once where nothing connects the frames at any time.
+        # Refused now if nothing connects the frames at any time.
         with named(source.label):
             self._tree.check_way(self.frame_id, frame)
         return lambda stamp: _single(self._tree.lookup(self.frame_id, frame, np.array([stamp])))
@@ -191,7 +199,7 @@ class Placing:
         mount = None if mounting is None else mounting.poses
         body = track.child or self._body
         if mount is None and frame and body and {frame, body} <= {*self._tree.frames}:
-            # A sensor that moves on the craft is looked up anew each time.
+            # Looked up for each stamp, as a sensor may move on the craft.
             return lambda stamp: _single(
                 self._in_map(track, np.array([stamp])).chained(
                     self._tree.lookup(body, frame, np.array([stamp]))
@@ -210,7 +218,7 @@ class Placing:
         return way
 
     def _in_map(self, track: Track, stamps: Float64) -> Poses:
-        """Return T_map_body."""
+        """Return T_map_body at these stamps (M,)."""
         poses = track.poses.at(stamps)
         if track.parent in ("", self.frame_id):
             return poses
@@ -222,7 +230,7 @@ def _single(poses: Poses) -> Pose | None:
 
 
 def _told(pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """Return the position and the attitude that a pose tells."""
+    """Return the position and the attitude of a pose."""
     x, y, z = pose.translation.tolist()
     qx, qy, qz, qw = pose.rotation.tolist()
     return (x, y, z), (qx, qy, qz, qw)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mlscli.geometry.up import Up
 
 AUTO = "auto"
-"""The value of `up` that asks for the vertical to be found."""
+"""The value of `up` with which the vertical is searched for."""
 
 _TIMELESS = (
     "the time in the headers of all clouds is 0; `time_source` log takes the times of recording"
@@ -49,7 +49,7 @@ class Recording:
     notes : list of str
         What the user should know about how the sources are read.
     options : dict
-        The options given that differ from their defaults, as JSON can hold them.
+        The options that differ from their defaults, by name, as JSON can hold them.
     tally : Tally
         Counts of the current or last pass.
     """
@@ -72,7 +72,7 @@ class Recording:
 
     @property
     def up(self) -> str:
-        """Which way of the recording points up: an axis, or the direction that was found."""
+        """Which direction of the recording points up: an axis, or the direction that was found."""
         return self._upright.up
 
     @property
@@ -82,12 +82,12 @@ class Recording:
 
     @property
     def labels(self) -> list[str]:
-        """What messages to the user call the clouds: files, and topics where there are some."""
+        """The names of the clouds in messages to the user: files, and topics if any."""
         return [source.label for source in self._sources]
 
     @property
     def notes(self) -> list[str]:
-        """What the user should know about how the sources are read; some a pass only tells."""
+        """What the user should know about how the sources are read; complete only after a pass."""
         notes = [note for source in self._sources for note in source.notes]
         notes += [*self._placing.notes, *self._notes]
         if self.tally.unplaced:
@@ -106,7 +106,7 @@ class Recording:
 
     @property
     def expected_keyframes(self) -> int | None:
-        """How many keyframes a pass will yield; None where only reading tells."""
+        """How many keyframes a pass will yield; None where not known before reading."""
         if self._selection.by_time:
             return None
         total = 0
@@ -128,20 +128,20 @@ class Recording:
         return self.keyframes()
 
     def keyframes(self) -> Iterator[Keyframe]:
-        """Read the keyframes from the first to the last; each call begins anew.
+        """Read the keyframes from the first to the last; each call begins a new pass.
 
         Yields
         ------
         Keyframe
-            One without points too, where all were dropped; at the end the poses of a trajectory,
-            where the clouds have no times that lead to them.
+            One without points, too, where all were dropped. Where no cloud has a position, the
+            poses of the trajectory follow at the end, as keyframes without points.
 
         Raises
         ------
         InputError
             A source is broken, or the pass has ended without a point.
         UsageError
-            Times are asked for where there are none.
+            `start` or `end` is given, and a keyframe has no time.
         """
         known = False
         for cloud in self._clouds():
@@ -151,13 +151,13 @@ class Recording:
             yield from self._loose_route(self._trajectory)
 
     def _loose_route(self, trajectory: Trajectory) -> Iterator[Keyframe]:
-        """Yield a trajectory that no cloud's time leads to, as keyframes without points."""
+        """Yield the poses of a trajectory as keyframes without points."""
         for stamp, *position in trajectory.route.tolist():
             x, y, z = position
             yield Keyframe(np.empty((0, 3)), stamp, self._upright.position((x, y, z)))
 
     def _clouds(self) -> Iterator[Cloud]:
-        """Read the clouds of the keyframes, in the map frame and turned; not the attitudes."""
+        """Read the clouds of the keyframes in the map frame, turned upright; not the attitudes."""
         self.tally = tally = Tally()
         sieve = Sieve(tally, self._selection.crop, cumulative=self._cumulative)
         choose = self._selection.chooser()
@@ -193,13 +193,13 @@ class Recording:
 
     @property
     def _is_timeless(self) -> bool:
-        """Whether all headers said the time 0, and of more than one."""
+        """Whether there are several keyframes, and the time in the headers of all is 0."""
         by_header = "time_source" not in self.options
         has_headers = by_header and any(source.topics() for source in self._sources)
         return has_headers and self.tally.came > 1 and not self.tally.timed
 
     def _out_of_reach(self) -> str:
-        """Say what helps where no cloud has a transform at its time."""
+        """Return what helps where no cloud has a transform at its time."""
         clock = "header" if "time_source" in self.options else "log"
         return (
             f"the clouds begin at {self.tally.began:.3f} s, where transforms and poses do not "
@@ -207,7 +207,7 @@ class Recording:
         )
 
     def _emptiness(self) -> str:
-        """Say why a pass has yielded no points."""
+        """Return why a pass has yielded no points."""
         tally, sources = self.tally, ", ".join(self.sources)
         losses = "".join(f"; {loss}" for loss in self.losses)
         if self._is_timeless and (tally.unplaced or not tally.keyframes):
@@ -244,13 +244,13 @@ def open_recording(
     Parameters
     ----------
     *sources : paths, or arrays (N, 3)
-        Read in turn; the formats of files are told by content.
+        Files and folders, whose formats are recognised by content, or points; read in turn.
     topic : str, optional
         The topic of the clouds in bags that have several.
     columns : str, optional
-        What the columns of text clouds are: ``x,y,z,-,keyframe,cx,cy,cz``.
+        Names of the columns of text clouds: ``x,y,z,-,keyframe,cx,cy,cz``.
     start, end : float, optional
-        Seconds from the first keyframe if below 1e8, else as the time stamps count; inclusive.
+        Seconds from the first keyframe if below 1e8, else time stamps in seconds; inclusive.
     every : int
         Take keyframes 0, N, 2 N, ... of those between `start` and `end`.
     crop : six floats, optional
@@ -258,19 +258,23 @@ def open_recording(
     up : str
         Which axis of the recording points up: z, -z, y, -y, x or -x; auto finds it.
     cumulative : bool
-        Take a point only where its coordinates come for the first time.
+        Take a point only the first time that its exact coordinates appear.
     frame : str, optional
         The map frame; clouds in it are taken as they are.
     pose_topic : str, optional
-        The topic that tells where the craft was, to move clouds by.
+        The topic that holds poses of the craft, by which clouds are moved.
     extrinsic : seven floats, optional
-        Where the sensor is on the craft: x, y, z and a quaternion x, y, z, w.
+        The pose of the sensor on the craft: x, y, z and a quaternion x, y, z, w.
     time_source : {"header", "log"}
-        Whose times count: those in the messages, or those of their recording.
+        Which times are used: those in the headers of messages, or those of their recording.
     route : path, optional
-        A trajectory that tells where the craft was: lines of ``stamp x y z qx qy qz qw``.
+        A file with the trajectory of the craft: lines of ``stamp x y z qx qy qz qw``.
     glance : Glance, optional
-        How much to read, where the beginning of the recording is enough.
+        The limits up to which to read, where the beginning of the recording is enough.
+
+    Returns
+    -------
+    Recording
 
     Raises
     ------
@@ -340,7 +344,7 @@ def _opened(source: str | os.PathLike[str] | Array, reading: Reading) -> Source:
 
 
 def _find_up(recording: Recording, trajectory: Trajectory | None) -> Up:
-    """Find the vertical of a recording in a pass of its own."""
+    """Find the vertical of a recording, in an extra pass."""
     from mlscli.geometry.surroundings import PointSample
     from mlscli.geometry.vertical import find_up
 

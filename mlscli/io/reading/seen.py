@@ -1,4 +1,4 @@
-"""Which points were seen before: an exact set of coordinates, for maps published again and again.
+"""The exact set of points seen before, for maps that are published again and again.
 
 Coordinates are compared bit for bit, in a hash table of 40 to 80 bytes a point. It doubles when
 it is full, so that the cost of a point does not depend on how many came before.
@@ -24,7 +24,7 @@ class SeenPoints:
         self._size = 0
 
     def add(self, points: Float64) -> Bool:
-        """Remember points and tell which come for the first time.
+        """Add points to the set, and return which of them are new.
 
         Parameters
         ----------
@@ -55,7 +55,20 @@ class SeenPoints:
 
 @kernel
 def _enter(new: UInt64, points: UInt64, slots: Int64, size: int, fresh: Bool) -> int:
-    """Enter points that are not among the first `size`; return how many there are then."""
+    """Add the new ones of some points to a hash table; return its new size.
+
+    Parameters
+    ----------
+    new : uint64 (N, 3)
+        The bits of the coordinates.
+    points : uint64 (R, 3)
+        The points of the table, of which the first `size` are in use; added to.
+    slots : int64 (S,)
+        Index of the point in each slot, or `_FREE`; S is a power of two. Added to.
+    size : int
+    fresh : bool (N,)
+        Overwritten: whether each point was not in the table before.
+    """
     last = np.uint64(len(slots) - 1)
     for row in range(len(new)):
         key = np.uint64(0)

@@ -1,4 +1,4 @@
-"""Which keyframes of a recording to take: by time, and every N-th."""
+"""Which keyframes of a recording to take, by time and every N-th; and the crop of points."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mlscli.errors import UsageError
 from mlscli.io.source import Wanted
 
 _RELATIVE_BELOW = 1e8
-"""Times below this count from the beginning; as time stamps they lie in the years to 1973."""
+"""Times (s) below this count from the first keyframe; as time stamps they would end in 1973."""
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Which keyframes and points to take, checked when made.
+    """Which keyframes and points to take; checked on construction.
 
     Attributes
     ----------
@@ -52,22 +52,25 @@ class Selection:
 
     @property
     def by_time(self) -> bool:
-        """Whether time stamps decide."""
+        """Whether keyframes are chosen by time: `start` or `end` is given."""
         return self.start is not None or self.end is not None
 
     def duration(self, first: float, last: float) -> float:
-        """Return how many seconds are selected of a recording between these times, NaN of NaN."""
+        """Return how many seconds are selected of a recording from the time `first` to `last`.
+
+        NaN where these are not known (NaN), unless `start` and `end` are both time stamps.
+        """
         start = _absolute(self.start, first, first)
         end = _absolute(self.end, first, last)
         return max(min(end, last) - max(start, first), 0.0)
 
     def chooser(self) -> Wanted:
-        """Return the choice by time; the first stamp that it is asked about is the beginning.
+        """Return a function that chooses by time; the first stamp passed to it is the beginning.
 
         Raises
         ------
         UsageError
-            When asked about a keyframe without a time stamp, unless all are wanted.
+            From that function, where `start` or `end` is given and a stamp is NaN.
         """
         beginning: float | None = None
 

@@ -1,4 +1,4 @@
-"""Which points of a pass are kept, and under which reason the others are counted."""
+"""Drop points during a pass, and count them by reason."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlscli.keyframes.keyframe import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64
 
 _Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
-# Why points are dropped, and which are kept.
+# Why points are dropped, and a function that returns for points (N, 3) which are kept, (N,).
 
 
 class Sieve:
@@ -21,11 +21,11 @@ class Sieve:
     Parameters
     ----------
     tally : Tally
-        Where they are counted.
+        Where dropped points are counted.
     crop : six floats, optional
-        xmin, xmax, ymin, ymax, zmin, zmax, inclusive.
+        xmin, xmax, ymin, ymax, zmin, zmax in the map frame, inclusive.
     cumulative : bool
-        Keep a point only where its coordinates come for the first time.
+        Keep a point only the first time that its exact coordinates appear.
     """
 
     def __init__(
@@ -46,11 +46,11 @@ class Sieve:
             self._filters.append(("repeated", SeenPoints().add))
 
     def returned(self, points: Float64) -> Float64:
-        """Return the points that are echoes, of a cloud in the frame of its sensor."""
+        """Return points (N, 3), in their sensor's frame, without those at exactly (0, 0, 0)."""
         return self._kept(points, NO_RETURN, _on_any_axis(points != 0))
 
     def measured(self, points: Float64) -> Float64:
-        """Return the points that are measurements, in the map frame, and asked for."""
+        """Return the points (N, 3), in the map frame, that are measured and pass the filters."""
         unmeasured = () if _all_measured(points) else _UNMEASURED
         for reason, keeps in (*unmeasured, *self._filters):
             points = self._kept(points, reason, keeps(points))
@@ -65,12 +65,12 @@ class Sieve:
 
 
 def _all_measured(points: Float64) -> bool:
-    """Tell whether all points are finite and near enough: mostly they are, and it is soon told."""
+    """Return whether all points are finite and near enough: the usual case, found out fast."""
     return not len(points) or bool(points.min() >= -FARTHEST and points.max() <= FARTHEST)
 
 
 def _on_all_axes(holds: Bool) -> Bool:
-    # Three columns are sooner combined than rows of three reduced.
+    # Faster than a reduction of rows of three.
     return np.asarray(holds[:, 0] & holds[:, 1] & holds[:, 2])
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 NO_RETURN, UNPLACED = "no return", "no transform at their time"
-"""Why points are dropped: a sensor without an echo says (0, 0, 0), which is where it is itself."""
+"""Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
 
 
 @dataclass
@@ -17,18 +17,18 @@ class Tally:
     ----------
     points_read : int
         Points in the keyframes selected, before any is dropped.
-    dropped : dict
+    dropped : dict of str to int
         How many points were dropped, by reason.
     keyframes : int
         Keyframes selected.
     unplaced : int
-        How many of them are left out, as it is not known where they were.
+        Selected keyframes that are left out, as their poses are not known.
     came : int
-        Keyframes, selected or not.
+        Keyframes read, selected or not.
     began : float
-        The time of the first of these.
+        Stamp of the first keyframe read, in seconds; NaN before it.
     timed : bool
-        Whether one of these had a time other than 0.
+        Whether a keyframe read has a stamp other than 0.
     """
 
     points_read: int = 0

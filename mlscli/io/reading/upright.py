@@ -1,4 +1,4 @@
-"""How points as recorded are turned so that z points up."""
+"""Turn points as recorded so that z points up."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from mlscli.runtime.arrays import Float64
 
 @dataclass(frozen=True, eq=False)
 class Upright:
-    """A turn of points and positions.
+    """The rotation of points and positions after which z points up.
 
     Attributes
     ----------
     up : str
-        Which way of the recording points up: an axis, or the direction that was found.
+        Which direction of the recording points up: an axis, or the direction that was found.
     """
 
     up: str
@@ -27,7 +27,7 @@ class Upright:
 
     @classmethod
     def along(cls, up: str) -> Upright:
-        """Return the turn that lets an axis of `UP_AXES` point up."""
+        """Return the rotation after which an axis of `UP_AXES` points up."""
         if up == "z":
             return cls(up, lambda points: points)
         axes, signs = UP_AXES[up]
@@ -35,13 +35,13 @@ class Upright:
 
     @classmethod
     def found(cls, up: Up) -> Upright:
-        """Return the turn that lets a direction point up that was found."""
+        """Return the rotation after which the direction that was found points up."""
         return cls(describe(up.axis), lambda points: turn(up.matrix, points))
 
     def points(self, points: Float64) -> Float64:
         """Return points (N, 3) turned, without negative zeros; `points` may be overwritten."""
         turned = self._turn(points)
-        # In place, where that is possible, it takes half as long; zeros remain zeros to the source.
+        # In place, if possible, it takes half as long; the source does not mind 0.0 for -0.0.
         return np.add(turned, 0.0, out=turned if turned.flags.writeable else None)
 
     def position(self, position: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -1,1 +1,1 @@
-"""What is written, whole or not at all: maps, meshes, and flights."""
+"""Write maps, meshes and flights, each whole or not at all."""

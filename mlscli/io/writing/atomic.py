@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all."""
+"""Write outputs whole or not at all."""
 
 from __future__ import annotations
 
@@ -19,6 +19,15 @@ def refuse_existing(
     sources: Iterable[str | os.PathLike[str]] = (),
 ) -> None:
     """Refuse to replace what exists, before any work is done for it.
+
+    Parameters
+    ----------
+    path : path
+        The output.
+    overwrite : bool
+        Whether an existing file may be replaced.
+    sources : iterable of paths
+        Files that must not be replaced in any case.
 
     Raises
     ------
@@ -64,7 +73,7 @@ def atomic_write(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
         if overwrite:
             temporary.replace(target)
         else:
-            # Unlike a rename, a link never replaces a file that came into being meanwhile.
+            # Unlike a rename, a link never replaces a file that was created meanwhile.
             _rename_new(temporary, target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written: {error.strerror or error}") from error

@@ -1,4 +1,4 @@
-"""The messages of recorded flights and of maps, for the bags that rosbags writes."""
+"""Write the messages of recorded flights and of maps to bags, with rosbags."""
 
 from __future__ import annotations
 
@@ -43,12 +43,13 @@ class BagWriter:
     Parameters
     ----------
     path : Path
-        Of a file, or of a folder that is made.
+        A file where `kind` is ros1; otherwise a folder, which is created.
     kind : {"ros1", "ros2", "mcap"}
+        A ROS 1 bag, or a ROS 2 bag of a SQLite or an MCAP file.
     topics : mapping of str to str
-        The topics and their types.
+        The message type of each topic.
     lasting : container of str
-        The topics whose last message is told also to those who listen later.
+        The topics whose last message is also sent to later subscribers.
     compressed : bool
         Whether chunks of an MCAP file are compressed.
     """
@@ -105,7 +106,20 @@ class BagWriter:
         translation: Sequence[float],
         rotation: Sequence[float] = _NO_TURN,
     ) -> None:
-        """Write T_parent_child."""
+        """Write a transform T_parent_child.
+
+        Parameters
+        ----------
+        topic : str
+        stamp : int
+            Time in nanoseconds.
+        parent, child : str
+            Names of the frames.
+        translation : sequence of float
+            x, y, z of the child in the parent.
+        rotation : sequence of float
+            Unit quaternion x, y, z, w.
+        """
         x, y, z = translation
         transform = self._new(
             "geometry_msgs/msg/TransformStamped",
@@ -127,9 +141,19 @@ class BagWriter:
         position: Sequence[float],
         attitude: Sequence[float],
     ) -> None:
-        """Write where the second of the frames is in the first, and how it is turned.
+        """Write the pose of the craft, with velocities and covariances of 0.
 
-        Its speed is not told.
+        Parameters
+        ----------
+        topic : str
+        stamp : int
+            Time in nanoseconds.
+        frames : tuple of str
+            The parent frame, and that of the craft.
+        position : sequence of float
+            x, y, z of the craft in the parent frame.
+        attitude : sequence of float
+            Unit quaternion x, y, z, w.
         """
         still = self._new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
         twist = self._new("geometry_msgs/msg/Twist", linear=still, angular=still)
@@ -151,7 +175,18 @@ class BagWriter:
     def path(
         self, topic: str, stamp: int, frame_id: str, stamps: Sequence[int], positions: Float64
     ) -> None:
-        """Write a way through positions (K, 3), each with the time (ns) it was passed at."""
+        """Write a path, without attitudes.
+
+        Parameters
+        ----------
+        topic : str
+        stamp : int
+            Time of the message in nanoseconds.
+        frame_id : str
+        stamps : sequence of int
+            Time of each position in nanoseconds.
+        positions : float64 (K, 3)
+        """
         poses = [
             self._new(
                 "geometry_msgs/msg/PoseStamped",
@@ -165,7 +200,7 @@ class BagWriter:
         )
 
     def cloud(self, topic: str, stamp: int, frame_id: str, points: Array) -> None:
-        """Write a cloud: records (N,), whose fields become those of the points."""
+        """Write a cloud at a stamp (ns): a structured array (N,) with the fields of the points."""
         layout = points.dtype
         fields = [
             self._new(
@@ -200,10 +235,22 @@ class BagWriter:
         colours: UInt8,
         triangles: Int32,
     ) -> None:
-        """Write a marker that lists triangles (T, 3) of vertices (V, 3), in their colours (V, 3).
+        """Write a marker that lists triangles; not for ROS 1.
 
-        It takes the place of the marker before it on its topic; without triangles it takes that
-        away. There is none in ROS 1.
+        It replaces the marker before it on its topic; without triangles it deletes that marker.
+
+        Parameters
+        ----------
+        topic : str
+        stamp : int
+            Time in nanoseconds.
+        frame_id : str
+        vertices : float64 (V, 3)
+            Coordinates in that frame.
+        colours : uint8 (V, 3)
+            Red, green, blue of each vertex.
+        triangles : int32 (T, 3)
+            Indices of vertices.
         """
         data = self._triangle_lists.serialized(
             self._header(stamp, frame_id), topic, vertices, colours, triangles

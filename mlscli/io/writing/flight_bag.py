@@ -1,4 +1,4 @@
-"""Writes a recording as a ROS 1 bag, a ROS 2 bag or an MCAP file, as a craft would record it.
+"""Write a recording as a ROS 1 bag, a ROS 2 bag or an MCAP file, as a craft would record it.
 
 ============== ======================= ==========================================================
 topic          type                    content
@@ -43,7 +43,7 @@ TOPICS = {TF_STATIC: TF_TYPE, TF: TF_TYPE, ODOMETRY: ODOMETRY_TYPE, CLOUD: CLOUD
 MAP, BASE, CAMERA = "map", "base_link", "camera"
 
 MOUNT = ((0.06, 0.0, -0.04), (0.5**0.5, -(0.5**0.5), 0.0, 0.0))
-"""The camera on the craft, T_base_camera: it looks straight down, its image's top ahead."""
+"""T_base_camera, translation and rotation: the camera looks down, the image's top ahead."""
 
 _POINT = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
 
@@ -61,23 +61,25 @@ def write_bag(
 
     Parameters
     ----------
-    path
-        A file, or of kind ``ros2`` a folder; only a folder that is a ROS 2 bag is ever replaced.
+    path : path
+        A file, or for ``ros2`` a folder; only a folder that is a ROS 2 bag is ever replaced.
     keyframes : sequence of Keyframe
-        With times and positions.
+        K of them, with times and positions.
     attitudes : float64 (K, 4)
-        The attitude of the craft at each: a quaternion x, y, z, w from its axes to the map's.
+        The attitude of the craft at each: a unit quaternion x, y, z, w from its axes to the map's.
     kind : {"ros1", "ros2", "mcap"}
     sensor_frame : bool
-        Whether clouds are in the frame of the camera, to be moved by the transforms. They are in
-        the map's otherwise, the same bits as in the keyframes.
+        Whether clouds are written in the frame of the camera, to be moved by the transforms;
+        otherwise in that of the map, with the same bits as in the keyframes.
+    overwrite : bool
+        Whether an existing bag may be replaced.
 
     Raises
     ------
     OutputError
         Where `path` exists and `overwrite` is False, or it cannot be written.
     UsageError
-        Where a time or a position is not known.
+        Where a time or a position is not known, or a time is negative.
     """
     for number, keyframe in enumerate(keyframes):
         if not np.isfinite((keyframe.stamp, *keyframe.position)).all() or keyframe.stamp < 0:
@@ -138,7 +140,7 @@ def whole_bag(
     refuse_existing_bag(target, kind, overwrite=overwrite)
     target = target.absolute()
     try:
-        # In a folder of its own, the bag has its name from the beginning: metadata hold it.
+        # In a temporary folder the bag has its name from the beginning: its metadata hold it.
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     except OSError as error:
         raise _unwritable(target, error) from error
@@ -157,7 +159,7 @@ def whole_bag(
 
 
 def _replace(target: Path, made: Path, aside: Path) -> None:
-    """Rename what was made to the target; of a folder in its place, nothing is lost if it fails."""
+    """Rename what was made to the target; if that fails, restore a folder in its place."""
     if target.is_dir():
         target.rename(aside)
     try:
@@ -173,13 +175,13 @@ def _unwritable(target: Path, error: Exception) -> OutputError:
 
 
 def nanoseconds(seconds: float) -> int:
-    """Return a time in nanoseconds, without the digits that a product of large numbers loses."""
+    """Return a time in nanoseconds, without the rounding of one product of large numbers."""
     whole = math.floor(seconds)
     return whole * NANOSECONDS + round((seconds - whole) * NANOSECONDS)
 
 
 def _in_camera(keyframe: Keyframe, attitude: Float64) -> Float64:
-    """Return the points in the frame of the camera, by the inverse of T_map_base T_base_camera."""
+    """Return points (N, 3) in the camera's frame: by the inverse of T_map_base T_base_camera."""
     offset, rotation = MOUNT
     base: Float64 = (keyframe.points - np.array(keyframe.position)) @ _matrix(attitude)
     camera: Float64 = (base - np.array(offset)) @ _matrix(np.array(rotation))

@@ -1,4 +1,4 @@
-"""Writes a recording as text: a line for each point, columns named in a header.
+"""Write a recording as text: a line for each point, columns named in a header.
 
 Numbers are written so that they read back as the same bits.
 """
@@ -20,8 +20,8 @@ def write_text(
 ) -> None:
     """Write keyframes as a text cloud, whole or not at all.
 
-    Columns are parted by commas in a ``.csv``, else by blanks. A keyframe without points leaves
-    no line, but its number.
+    Columns are separated by commas in a ``.csv``, otherwise by blanks. A keyframe without points
+    has no lines, and its number is skipped.
 
     Raises
     ------

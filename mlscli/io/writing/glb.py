@@ -1,9 +1,9 @@
 """Meshes as GLB: binary glTF 2.0, for browsers, Blender and viewers of every kind.
 
-The format has y up and positions in float32. Nodes for triangles, lines and points hold theirs
-about the middle of the mesh, in the map's axes; the node above these turns z up into y up and
-moves them where they belong, in the precision of the JSON that says so. Coordinates are as exact
-as float32 is over the extent of the mesh, however far it lies from the origin.
+The format has y up and positions in float32. The nodes for triangles, lines and points hold
+positions relative to the middle of the mesh, in the axes of the map; the node above them turns z up
+into y up and moves them to their place, by numbers in JSON. So coordinates are as exact as float32
+is over the extent of the mesh, however far it lies from the origin.
 
 References
 ----------
@@ -40,7 +40,19 @@ _Y_UP = (-_SIN_45, 0.0, 0.0, _SIN_45)
 
 
 class _Primitive(NamedTuple):
-    """What is drawn in one way: its vertices, and the indices over these."""
+    """Elements of one kind, with the vertices that they use.
+
+    Attributes
+    ----------
+    name : str
+        The kind: a key of `_MODES`.
+    positions : float32 (V, 3)
+        Relative to the middle of the mesh, in the axes of the map.
+    colours : uint8 (V, 4)
+        Red, green, blue in linear values, and opacity.
+    indices : uint32 (I,)
+        The vertices of one element after the other.
+    """
 
     name: str
     positions: Array
@@ -104,7 +116,18 @@ def write_glb(
 
 
 def _piece(name: str, mesh: Mesh, indices: Int32, middle: Array) -> _Primitive:
-    """Return the vertices that the elements use, numbered anew."""
+    """Return elements with only the vertices that they use, renumbered.
+
+    Parameters
+    ----------
+    name : str
+        The kind of the elements: a key of `_MODES`.
+    mesh : Mesh
+    indices : int32 (E, K) or (E,)
+        The vertices of each element.
+    middle : float64 (3,)
+        The middle of the mesh, in the map frame.
+    """
     is_used = np.zeros(len(mesh.vertices), dtype=np.bool_)
     is_used[indices] = True
     used, number = np.flatnonzero(is_used), np.cumsum(is_used) - 1
@@ -128,7 +151,7 @@ def _linear() -> UInt8:
 
 
 def _document(pieces: list[_Primitive], middle: list[float]) -> dict[str, Any]:
-    """Return the JSON that says what the blocks of binary data are."""
+    """Return the JSON that describes the blocks of binary data."""
     x, y, z = middle
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "mls"},
@@ -166,7 +189,7 @@ def _document(pieces: list[_Primitive], middle: list[float]) -> dict[str, Any]:
         }
         for number, piece in enumerate(pieces)
     ]
-    # Both sides of a surface are seen: from under a bridge, too.
+    # Both sides of a surface are visible, as from under a bridge.
     matt = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
     document["materials"] = [{"pbrMetallicRoughness": matt, "doubleSided": True}]
     document["accessors"] = accessors
@@ -176,7 +199,7 @@ def _document(pieces: list[_Primitive], middle: list[float]) -> dict[str, Any]:
 
 
 def _accessors(piece: _Primitive, first: int) -> list[dict[str, Any]]:
-    """Return what the three blocks of a piece hold; their views have the same numbers."""
+    """Return what the three blocks of a piece hold; their views are numbered from `first`."""
     return [
         {
             "bufferView": first,

@@ -2,7 +2,7 @@
 
 The arrays are stored without compression, each with a fixed date, so that equal maps from equal
 sources make equal files. A reader trusts nothing: names, types, shapes and sizes are checked
-before memory is given to an array, and the map's invariants after.
+before memory is allocated for an array, and the invariants of the map afterwards.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mlscli.runtime.arrays import Array
 
 FORMAT, VERSION = "mls-map", 1
 LENGTHS = ("cell_size", "gap_size", "thickness")
-# Deflated data grow no more than this; a file that claims more is not to be given memory for.
+# The largest factor by which deflated data grow; a file that claims more is refused.
 DENSEST = 1032
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
@@ -39,7 +39,7 @@ _DAMAGED = (ValueError, EOFError, RuntimeError, zlib.error, lzma.LZMAError)
 def write_map(
     path: str | os.PathLike[str], surface: SurfaceMap | StoredMap, *, overwrite: bool = False
 ) -> None:
-    """Write a map, whole or not at all; one that lies on disk part by part.
+    """Write a map, whole or not at all; a `StoredMap` is written part by part.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
 def _write_column(
     member: IO[bytes], dtype: np.dtype[Any], size: int, parts: Iterable[Array]
 ) -> None:
-    """Write an array of one dimension that comes in parts, as numpy writes it at once."""
+    """Write an array (size,) from its parts, with the bytes that numpy would write."""
     described = {
         "descr": np.lib.format.dtype_to_descr(dtype),
         "fortran_order": False,
@@ -92,8 +92,8 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
     Raises
     ------
     InputError
-        Naming the file and the first fault: what is missing, or has the wrong type, shape,
-        order or range.
+        With the name of the file and the first fault: what is missing, or has the wrong type,
+        shape, order or range.
     """
     source = Path(path)
     with _reading(source), zipfile.ZipFile(source) as archive:
@@ -118,7 +118,7 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
 
 
 def is_map(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a file says of itself that it is a map."""
+    """Return whether a file is marked as a map; False where it cannot be read."""
     try:
         with zipfile.ZipFile(path) as archive:
             return _Members(archive).text("format") == FORMAT
@@ -128,7 +128,7 @@ def is_map(path: str | os.PathLike[str]) -> bool:
 
 @contextmanager
 def _reading(source: Path) -> Iterator[None]:
-    """Turn whatever a file can do wrong into one line that names it."""
+    """Turn errors of reading a file into an `InputError` of one line that names it."""
     try:
         yield
     except InputError as error:
@@ -178,7 +178,7 @@ class _Members:
         return self._header(name)[1]
 
     def array(self, name: str, dtype: Any, shape: tuple[int, ...]) -> Array:
-        """Return an array of the type and shape that the format asks for; None: any integer."""
+        """Return an array, checked to be of this dtype (None: any integer) and this shape."""
         entry, found, kind = self._header(name)
         right = np.issubdtype(kind, np.integer) if dtype is None else kind == dtype
         if not right:

@@ -2,7 +2,7 @@
 
 Coordinates are written with the fewest digits that read back exactly. The colour of a vertex
 follows its coordinates, red, green and blue from 0 to 1, as MeshLab and CloudCompare read it;
-programs that do not see it have a material for each group: measured, plastered, artificial and
+programs that ignore it have a material for each group: measured, plastered, artificial and
 route. A triangle, line or point is in the group of its least certain vertex.
 """
 
@@ -27,7 +27,7 @@ from mlscli.mesh import Mesh, mesh_of
 # Vertices are numbered from 1, and readers keep the numbers in int32.
 MAX_OBJ_VERTICES = 2**31 - 1
 
-# Lines are put together so many at a time, to bound the memory that takes.
+# Lines formatted at a time, to bound memory.
 CHUNK = 2**18
 
 
@@ -48,8 +48,9 @@ def write_obj(
     TypeError
         It is neither a mesh nor a map.
     OutputError
-        Where one of the files exists and `overwrite` is False, or cannot be written, the name
-        cannot be named in an OBJ file, or the mesh has too many vertices.
+        Where one of the files exists and `overwrite` is False, or cannot be written; the name of
+        the materials cannot stand in an OBJ file, or is that of the mesh; or the mesh has too
+        many vertices.
     """
     mesh = mesh_of(mesh)
     target = Path(path)
@@ -124,7 +125,7 @@ def _lines(mesh: Mesh) -> Iterator[bytes]:
 def _coordinates(vertices: Float64) -> Iterator[tuple[Array, Array]]:
     """Yield for each axis the distinct coordinates as text, and which of them each vertex has.
 
-    The rows of a grid share their coordinates, so that few of them need formatting.
+    The vertices of a grid share coordinates, so that few need formatting.
     """
     for axis in vertices.T:
         distinct, which = np.unique(axis, return_inverse=True)
@@ -133,7 +134,7 @@ def _coordinates(vertices: Float64) -> Iterator[tuple[Array, Array]]:
 
 def _texts(numbers: list[float] | list[int]) -> Array:
     """Return numbers as text, each in the fewest digits that read back exactly."""
-    # A list's repr is that of its numbers, made in one go.
+    # The repr of a list formats all its numbers in one call.
     return np.array(repr(numbers)[1:-1].encode("ascii").split(b", "), dtype=np.bytes_)
 
 
@@ -144,15 +145,21 @@ def _channels(colours: UInt8) -> Iterator[tuple[Array, Array]]:
 
 
 def _channel(value: int) -> str:
-    """Return a channel, 0 to 255, as a fraction of 255 that gives it back cut off or rounded."""
+    """Return a channel, 0 to 255, as a fraction that gives it back when truncated or rounded."""
     return f"{math.ceil(value / 255 * 10**4) / 10**4:g}"
 
 
 def _records(keyword: bytes, columns: list[tuple[Array, Array]]) -> Iterator[bytes]:
-    """Yield lines of a keyword and a text for each column: a table of texts and indices into it.
+    """Yield lines, many at a time, of a keyword and a text for each column.
 
     The texts are laid side by side in fields of fixed width, whose padding with zero bytes is
     then removed.
+
+    Parameters
+    ----------
+    keyword : bytes
+    columns : list of tuples
+        For each column a table of texts (M,), and for each line an index into it, int (N,).
     """
     fields: list[tuple[str, str | np.dtype[np.bytes_]]] = [("keyword", f"S{len(keyword)}")]
     for place, (texts, _) in enumerate(columns):

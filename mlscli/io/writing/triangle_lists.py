@@ -1,8 +1,8 @@
-"""Markers that list triangles, put together from arrays.
+"""Serialize markers that list triangles, from arrays.
 
 A marker holds a point and a colour for every corner. As objects, those of a large mesh would take
-seconds for every message; here what stands before and after them is serialized as two messages of
-its own, and the arrays are put between, as CDR lays them out.
+seconds for every message. Here the fields before and after them are serialized as two messages of
+their own, and the arrays are put between these, laid out as in CDR.
 
 References
 ----------
@@ -22,7 +22,7 @@ MARKER_TYPE = "visualization_msgs/msg/Marker"
 
 _BEGIN, _END = "mls_msgs/msg/MarkerBegin", "mls_msgs/msg/MarkerEnd"
 _TRIANGLE_LIST, _ADD, _DELETE = 11, 0, 2
-_HEADER = 4  # bytes before the message, from whose end its layout counts
+_HEADER = 4  # bytes before the message; alignment counts from their end
 
 
 class TriangleLists:
@@ -39,9 +39,20 @@ class TriangleLists:
     def serialized(
         self, header: Any, name: str, vertices: Float64, colours: UInt8, triangles: Int32
     ) -> bytes:
-        """Return a marker of triangles (T, 3) of vertices (V, 3), in their colours (V, 3).
+        """Return a serialized marker that lists triangles.
 
-        Without triangles, it takes away the marker of that name: RViz calls an empty one an error.
+        Without triangles it deletes the marker of that name: RViz calls an empty one an error.
+
+        Parameters
+        ----------
+        header : std_msgs/msg/Header
+        name : str
+            The namespace of the marker.
+        vertices : float64 (V, 3)
+        colours : uint8 (V, 3)
+            Red, green, blue of each vertex.
+        triangles : int32 (T, 3)
+            Indices of vertices.
         """
         corner = triangles.ravel()
         tints = np.ones((len(corner), 4), dtype="<f4")
@@ -50,7 +61,7 @@ class TriangleLists:
         data = bytearray(self._store.serialize_cdr(self._before(header, name, action), _BEGIN))
         _append_sequence(data, vertices[corner].astype("<f8"))
         _append_sequence(data, tints)
-        # What follows begins where four bytes do, and has nothing that is laid out by eight.
+        # The offset is a multiple of four, and nothing that follows is aligned to eight bytes.
         data += self._store.serialize_cdr(self._after(header), _END)[_HEADER:]
         return bytes(data)
 
@@ -93,10 +104,17 @@ class TriangleLists:
 
 
 def _append_sequence(data: bytearray, rows: Array) -> None:
-    """Append a sequence of structures, each a row of numbers, to a message.
+    """Append a sequence of structures, each a row of numbers, to a message in CDR.
 
-    Its length is laid out by four bytes, the first structure by the size of its numbers; an empty
-    sequence is a length alone.
+    Its length is aligned to four bytes, the first structure to the size of its numbers; an empty
+    sequence is only a length.
+
+    Parameters
+    ----------
+    data : bytearray
+        The message so far, with its header of four bytes.
+    rows : (N, K)
+        Little-endian.
     """
     data += bytes(-(len(data) - _HEADER) % 4)
     data += len(rows).to_bytes(4, "little")

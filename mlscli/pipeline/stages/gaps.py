@@ -71,7 +71,15 @@ class GapStage(MapStage):
 
 
 class Intervals(NamedTuple):
-    """What gaps are sought between: vertical intervals in cells, in the file's order."""
+    """Vertical intervals in cells, in the file's order: the ends of possible gaps.
+
+    Attributes
+    ----------
+    cells : OccupiedCells
+        The cells that hold intervals, and where their intervals begin.
+    low, high : float64 (P,)
+        Lower and upper end of each interval, in the unit of the recording.
+    """
 
     cells: OccupiedCells
     low: Float64
@@ -84,9 +92,9 @@ class Widths(NamedTuple):
     Attributes
     ----------
     certain : Length
-        Patches in gaps at most so wide are plastered, in wider ones artificial.
+        The widest gap whose patches are plastered; in wider ones they are artificial.
     allowed : Length
-        Wider gaps stay open.
+        The widest gap that is closed.
     """
 
     certain: Length
@@ -94,17 +102,20 @@ class Widths(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """How far apart two ends of a gap of d - 1 cells may be in height.
+    """How far apart in height the two ends of a gap may be.
 
-    ``slope * min(d, trusted) * cell_size + clearance``, d cells from each other.
+    For ends that are d cells apart, ``slope * min(d, trusted) * cell_size + clearance``.
 
     Attributes
     ----------
     cell_size : float
+        Side of a cell, in the unit of the recording.
     slope : float
+        Rise over run.
     clearance : float
+        Allowed at any distance, in the unit of the recording.
     trusted : float
-        The number of cells beyond which the slope counts no more.
+        The number of cells beyond which the slope allows no more height.
     """
 
     cell_size: float
@@ -114,7 +125,17 @@ class Tolerance(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Cells along lines: the line and the place of each, the next and the one before (-1: none)."""
+    """The C occupied cells, along lines of the grid.
+
+    Attributes
+    ----------
+    line : int32 (C,)
+        The index that the cells of a line share: `ix` for columns, `iy` for rows.
+    position : int32 (C,)
+        The other index.
+    after, before : int32 (C,)
+        Number of the next and of the previous cell of the line; -1: none.
+    """
 
     line: Int32
     position: Int32
@@ -123,12 +144,12 @@ class _Lines(NamedTuple):
 
 
 def close_gaps(intervals: Intervals, widths: Widths, tolerance: Tolerance) -> Inserted:
-    """Return what closes the gaps along x and along y.
+    """Return the patches that close the gaps along x and along y, in no particular order.
 
-    From each interval one looks along a line at distances d = 1, 2, ... cells. Those there that
-    are near enough in height are candidates; the first d with one decides, and of several the
-    one at the least distance, then with the least difference of upper ends, then the higher. A gap
-    is closed where both of its ends find each other so.
+    From each interval the search goes along a line at distances d = 1, 2, ... cells. The intervals
+    there that are near enough in height are candidates. The first d with a candidate decides; of
+    several candidates, the one at the least distance, then with the least difference of upper ends,
+    then the higher. A gap is closed where its two ends find each other.
     """
     ix, iy, _ = intervals.cells
     certain, allowed = (whole_cells(width, tolerance.cell_size) for width in widths)
@@ -142,6 +163,7 @@ def close_gaps(intervals: Intervals, widths: Widths, tolerance: Tolerance) -> In
 def _close_along(
     lines: _Lines, intervals: Intervals, certain: int, allowed: int, tolerance: Tolerance
 ) -> Inserted:
+    """Return the patches that close gaps along lines; their `ix` is the line, `iy` the position."""
     ends = intervals.cells.start, intervals.low, intervals.high
 
     def seek(begin: int, end: int) -> Int64:
@@ -165,7 +187,27 @@ def _pairs(
     farthest: int,
     tolerance: Tolerance,
 ) -> Int64:
-    """Return the gaps that begin in cells `begin` to `end`: cell and interval of either end."""
+    """Return the gaps that begin in cells `begin` to `end`.
+
+    Parameters
+    ----------
+    begin, end : int
+        Range of cells.
+    lines : _Lines
+        The cells along lines of one direction.
+    start : int64 (C + 1,)
+        Where the intervals of each cell begin.
+    low, high : float64 (P,)
+        Lower and upper ends of the intervals.
+    farthest : int
+        Greatest distance of the two ends of a gap, in cells.
+    tolerance : Tolerance
+
+    Returns
+    -------
+    int64 (G, 4)
+        Cell and interval of the near end, and cell and interval of the far end.
+    """
     position, after, before = lines.position, lines.after, lines.before
     pairs = np.empty((start[end] - start[begin], 4), dtype=np.int64)
     n = 0
@@ -178,7 +220,7 @@ def _pairs(
         if position[there] - position[cell] > 1:
             beside = range(0)
         for near in range(start[cell], start[cell + 1]):
-            # Mostly the next cell has a candidate: no gap, which is told without a search.
+            # Mostly the next cell has a candidate: then there is no gap, and no need to search.
             gap = True
             for j in beside:
                 gap &= distance(low[near], high[near], low[j], high[j]) > step
@@ -215,9 +257,23 @@ def _opposite(
     farthest: int,
     tolerance: Tolerance,
 ) -> tuple[int, int]:
-    """Return the interval that interval i of a cell finds along its line, after its cell; -1: none.
+    """Return the cell and the interval that an interval finds along its line; -1, -1: none.
 
-    The cells of a line follow each other as `following` tells, in either direction.
+    Parameters
+    ----------
+    cell, i : int
+        A cell, and the interval in it that searches.
+    following : int32 (C,)
+        The cell that follows each cell in the direction of the search; -1: none.
+    position : int32 (C,)
+        Position of each cell along its line.
+    start : int64 (C + 1,)
+        Where the intervals of each cell begin.
+    low, high : float64 (P,)
+        Lower and upper ends of the intervals.
+    farthest : int
+        Greatest distance, in cells.
+    tolerance : Tolerance
     """
     there = following[cell]
     while there >= 0:
@@ -245,7 +301,17 @@ def _opposite(
 def _fill(
     pairs: Int64, lines: _Lines, low: Float64, high: Float64
 ) -> tuple[Int32, Int32, Float64, Float64, Int64]:
-    """Return cells, both ends and gap widths of what fills gaps, as `_pairs` tells these."""
+    """Return the patches that fill gaps, which are given as `_pairs` returns them.
+
+    Returns
+    -------
+    in_line, at : int32 (N,)
+        Line and position of the cell of each patch.
+    height, low_end : float64 (N,)
+        Upper and lower end of each patch.
+    width : int64 (N,)
+        Width of the gap that it fills, in cells.
+    """
     line, position = lines.line, lines.position
     size = 0
     for cell, _, there, _ in pairs:
@@ -266,7 +332,7 @@ def _fill(
 
 @inner
 def between(near: float, far: float, k: int, d: int) -> float:
-    """Return the height k of d steps along the line from near to far; the same read backwards."""
+    """Return the height k of d steps along the line from near to far; the same read from far."""
     height = (near * (d - k) + far * k) / d
     # Adding 0 keeps a sum that underflows from being -0.
     return min(max(height, min(near, far)), max(near, far)) + 0.0

@@ -1,4 +1,4 @@
-"""Patches to be put into a map, and which of them find room there."""
+"""Patches to be inserted into a map, and which of them find room there."""
 
 from __future__ import annotations
 
@@ -15,7 +15,17 @@ from mlscli.runtime.kernels import kernel
 
 
 class Inserted(NamedTuple):
-    """Patches to be put into a map."""
+    """Patches to be inserted into a map.
+
+    Attributes
+    ----------
+    ix, iy : int32 (N,)
+        Cell indices.
+    height, depth : float64 (N,)
+        Upper end of a patch and its extent below, in the unit of the recording.
+    origin : uint8 (N,)
+        1 plastered, 2 artificial.
+    """
 
     ix: Int32
     iy: Int32
@@ -29,7 +39,7 @@ class Inserted(NamedTuple):
         return self.height - self.depth
 
     def take(self, which: Bool | Int64) -> Inserted:
-        """Return the patches that a mask or indices choose."""
+        """Return the patches that a mask or indices select."""
         columns: list[Any] = [column[which] for column in self]
         return Inserted(*columns)
 
@@ -40,12 +50,21 @@ class Inserted(NamedTuple):
 
 
 def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = None) -> Inserted:
-    """Return the inserted patches that find room.
+    """Return the inserted patches that find room, ascending by cell and height.
 
-    None may be within `gap_size` of a patch that its cell has, or of what is filled into a hole
-    of that cell. Where several meet, the highest stays (equal: the lower origin, then the greater
+    None may be within `gap_size` of a patch that its cell has, or of a patch that fills a hole in
+    that cell. Where several meet, the highest stays (equal: the lower origin, then the greater
     depth), then going down the next that is more than `gap_size` below the last that stayed: the
     highest is the nearest obstacle to a craft above.
+
+    Parameters
+    ----------
+    inserted : Inserted
+        Candidates, in any order.
+    surface : SurfaceMap
+        The map into which they are to be inserted.
+    holes : Inserted, optional
+        Patches that fill holes in cells, ascending by cell.
     """
     gap_size = surface.gap_size
     order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
@@ -71,7 +90,23 @@ def _choose_from_above(
     gap_size: float,
     stays: Bool,
 ) -> None:
-    """Let the highest of each cell stay, and what is more than `gap_size` below the last."""
+    """Let the highest of each cell stay, and those more than `gap_size` below the last that stayed.
+
+    Parameters
+    ----------
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    low, high : float64 (N,)
+        Lower and upper end of each patch; upper ends ascend in each cell.
+    depth : float64 (N,)
+        Extent of each patch.
+    origin : uint8 (N,)
+        Origin of each patch.
+    gap_size : float
+        In the unit of the recording.
+    stays : bool (N,)
+        Which patches find room beside those of the map; set to False where one does not stay.
+    """
     for cell in range(len(start) - 1):
         last = -1
         for i in range(start[cell + 1] - 1, start[cell] - 1, -1):

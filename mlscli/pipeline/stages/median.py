@@ -6,14 +6,13 @@ fewer than `min_nb` is dropped as an outlier. Otherwise its z becomes the elemen
 ``n // 2`` of the n sorted heights of the point and its neighbours: always a height that was
 measured, never the mean of two, which could invent a level between a bridge and its ground.
 
-An outlier has its neighbours on one side, on the near half of a noisy surface, and ends up above
-or below it. With `recentre`, a point whose height moves by more than that takes the median once
-more, of its new height and of the neighbours that it has there.
+An outlier's neighbours all lie on the near side of a noisy surface, so that it ends up above or
+below it. With `recentre`, a point whose height moves by more than that takes the median once more,
+of its new height and of the neighbours that it has there.
 
-Points that lie close together look for neighbours together: all that may count is collected once.
-Where only the nearest count, the search begins a little farther than the nearest of the points
-before reached, and goes farther until it has found enough: in a dense cloud, too, each point is
-compared with few others.
+Points that lie close together share one search: all candidates are collected once. Where only the
+nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours and
+grows until it has found enough: even in a dense cloud, each point is compared with few others.
 """
 
 from __future__ import annotations
@@ -33,19 +32,21 @@ from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
 
-# So many points of a fine column, one above the other, look for neighbours together.
+# At most so many points of a fine column, one above the other, share a search.
 _TOGETHER = 16
-# How much farther than the neighbours of the last points those of the next are sought at first,
-# and how much farther then, where these are too few.
+# How much farther than the last points' neighbours the next ones are sought at first, and by how
+# much the search grows where it finds too few.
 FIRST_MARGIN, RETRY_GROWTH = 1.4, 1.5
-# The least part of the radius in which they are sought.
+# The search begins with no less than the radius divided by this.
 _NEAREST = 64
-# Of points at the same distance no trial finds just so many.
+# Trials to find a limit within which exactly `max_nb` points lie; with equal distances none may.
 _TRIALS = 12
-# So few heights are sorted faster without a branch.
+# At most so many heights are sorted faster without a branch.
 _FEW_HEIGHTS = 32
-# A buffer has rows for x, y and z of the points around, and for two more; at first so long.
+# Rows of a buffer after x, y, z of the points around: squared distances, and heights of those that
+# count. Then the number of rows, and the length at first.
 _SQUARED, _HEIGHT, _ROWS, _ROOM = 3, 4, 5, 256
+# The mask that stands for all points.
 _ALL = np.empty(0, dtype=np.bool_)
 
 
@@ -86,7 +87,7 @@ class Median(PointStage):
         asked: Bool | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
-        """Return the median heights of points."""
+        """Return the median heights of points; see `PointStage.evaluate`."""
         radius = in_units(self.nb_radius, cell_size)
         recentre = in_units(self.recentre, cell_size)
         grid = PointGrid.of(points.xyz, radius)
@@ -117,9 +118,26 @@ def _filter(
     height: Float64,
     looked: Float64,
 ) -> None:
-    """Filter those points of columns `begin` to `end` that are asked for; note how far it looked.
+    """Filter those points of columns `begin` to `end` that are asked for.
 
-    Where `asked` is empty, all are asked for, and only their heights are noted.
+    Parameters
+    ----------
+    grid : PointGrid
+        All points, by columns.
+    begin, end : int
+        Range of columns.
+    radius : float
+        Radius in which neighbours are sought, in the unit of the points.
+    max_nb, min_nb : int
+        The most neighbours that count (0: all), and the fewest with which a point is kept.
+    recentre : float
+        A point whose height moves farther takes the median again from there; 0: never.
+    asked : bool (N,)
+        The points to filter; empty: all.
+    height : float64 (N,)
+        Receives the new heights; NaN: dropped.
+    looked : float64 (N,)
+        Receives the squares of how far the search went; not used where `asked` is empty.
     """
     fine = grid.fine
     near = np.empty((_ROWS, _ROOM))
@@ -155,12 +173,34 @@ def _filter_together(
 ) -> tuple[Float64, float]:
     """Filter those of points `first` to `last`, of one fine column, that are asked for.
 
-    Told is how far the neighbours of the last points reached; how far those of these reach is
-    returned, and the buffer, which may have grown.
+    Parameters
+    ----------
+    grid : PointGrid
+        All points, by columns.
+    around : int64
+        The column of these points, and those that touch it.
+    first, last : int
+        Range of places in the grid.
+    radius, max_nb, min_nb, recentre
+        As in `_filter`.
+    reached : float
+        How far the neighbours of the last points reached, on average.
+    near : float64 (_ROWS, M)
+        A buffer.
+    asked, height, looked
+        As in `_filter`.
+
+    Returns
+    -------
+    near : float64 (_ROWS, M)
+        The buffer, which may have grown.
+    reached : float
+        How far the neighbours of these points reach, on average, counting points with `max_nb`
+        neighbours only; unchanged where there are none.
     """
     xyz, order = grid.xyz, grid.order
     low, high = xyz[first, 2], xyz[last - 1, 2]
-    # Where points coincide, the last ones told nothing.
+    # Where points coincide, `reached` may be 0.
     distance = min(max(FIRST_MARGIN * reached, radius / _NEAREST), radius)
     if max_nb == 0:
         distance = radius
@@ -200,7 +240,7 @@ def _filter_together(
 
 @inner
 def _any_asked(asked: Bool, order: Array, first: int, last: int) -> bool:
-    """Tell whether any of some successive points is asked for."""
+    """Return whether any of points `first` to `last` is asked for."""
     if not len(asked):
         return True
     some = False
@@ -222,12 +262,40 @@ def _neighbours(
     size: int,
     own: int,
 ) -> tuple[Float64, int, float]:
-    """Find the neighbours that count of point i, if it were at height z: their heights.
+    """Find the neighbours that count of point i, as if it were at height z.
 
-    Given are all points within a distance, and others. Where more lie within the radius than
-    count, the nearest are certain as soon as so many are within the distance; until then it grows.
-    Returned are the buffer with the heights, how many they are, and the square of how far off a
-    point can be to be one of them.
+    With `max_nb`, the search is complete as soon as so many points lie within the distance; until
+    then the distance grows, up to the radius.
+
+    Parameters
+    ----------
+    grid : PointGrid
+        All points, by columns.
+    around : int64
+        The point's column, and those that touch it.
+    i : int
+        Place of the point in the grid.
+    z : float
+        Height from which neighbours are sought.
+    radius, max_nb
+        As in `_filter`.
+    distance : float
+        All points within this distance are in the buffer, and maybe others.
+    near : float64 (_ROWS, M)
+        The buffer, with x, y, z of points.
+    size : int
+        How many points are in the buffer.
+    own : int
+        Index of the point itself in the buffer; -1: it is not there.
+
+    Returns
+    -------
+    near : float64 (_ROWS, M)
+        The buffer, or another one, with the heights of the neighbours in its row `_HEIGHT`.
+    n : int
+        How many neighbours count.
+    limit : float
+        The square of the greatest distance at which a point can be one of them.
     """
     while True:
         _measure(near, size, grid.xyz[i, 0], grid.xyz[i, 1], z)
@@ -244,7 +312,7 @@ def _neighbours(
 
 @inner
 def _measure(near: Float64, size: int, x: float, y: float, z: float) -> None:
-    """Note squared distances from (x, y, z)."""
+    """Write the squared distances of the buffer's points from (x, y, z) into the buffer."""
     xs, ys, zs, squared = near[0], near[1], near[2], near[_SQUARED]
     for j in range(size):
         dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z
@@ -253,15 +321,21 @@ def _measure(near: Float64, size: int, x: float, y: float, z: float) -> None:
 
 @inner
 def _nearest(near: Float64, size: int, limit: float, max_nb: int) -> tuple[int, float]:
-    """Note the heights of the points whose squared distance is at most a limit.
+    """Write the heights of points at squared distances of at most `limit` into the buffer.
 
-    Of more than `max_nb` those of the nearest come first. Returned are how many count, and the
-    squared distance within which they are.
+    Of more than `max_nb`, those of the nearest come first.
+
+    Returns
+    -------
+    n : int
+        How many of these points count.
+    limit : float
+        The squared distance within which they lie.
     """
     zs, squared, heights = near[2], near[_SQUARED], near[_HEIGHT]
     below, above = 0, _within(squared, size, limit)
     if 0 < max_nb < above:
-        # The limit within which there are just so many is sought between two others.
+        # A limit within which exactly `max_nb` points lie is sought by linear interpolation.
         less = 0.0
         for _ in range(_TRIALS):
             between = less + (limit - less) * ((max_nb - below) / (above - below))
@@ -274,11 +348,11 @@ def _nearest(near: Float64, size: int, limit: float, max_nb: int) -> tuple[int, 
                 break
     n = 0
     for j in range(size):
-        # Noted first and counted then.
+        # Written first and counted then, which avoids a branch.
         heights[n] = zs[j]
         n += squared[j] <= limit
     if 0 < max_nb < n:
-        # Some are as far as each other.
+        # No such limit was found, mostly for equal distances.
         n = 0
         for j in range(size):
             squared[n] = squared[j]
@@ -299,7 +373,7 @@ def _within(squared: Float64, size: int, limit: float) -> int:
 
 @inner
 def _middle(heights: Float64, others: Float64, n: int) -> float:
-    """Return the element at index ``n // 2`` of the first n heights, if they were sorted."""
+    """Return the element at index ``n // 2`` of the first n heights as sorted; reorders both."""
     if n > _FEW_HEIGHTS:
         return _nth(heights, others, n, n // 2)
     for place in range(n // 2 + 1):
@@ -313,10 +387,10 @@ def _middle(heights: Float64, others: Float64, n: int) -> float:
 
 @inner
 def _nth(values: Float64, others: Float64, n: int, nth: int) -> float:
-    """Return the element at index `nth` of the first n values, if they were sorted.
+    """Return the element at index `nth` of the first n values as sorted (quickselect).
 
-    The lesser ones are moved before it, each with its other; of equal values that with the lesser
-    other comes first.
+    Lesser values are moved before it, each along with its element of `others`; equal values are
+    ordered by these.
     """
     begin, end = 0, n
     while True:

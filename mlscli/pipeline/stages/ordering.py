@@ -1,8 +1,8 @@
 """Points in the order of their cells: a radix sort of packed keys, then the heights in each cell.
 
-Points are put into bands of some columns first, so many that each is sorted in the cache, by some
-thread. A key holds both cell indices, counted from the least of the band, in as few bits as they
-need: cells that lie close together, as those of most recordings do, are sorted in two passes.
+Points are first divided into bands of columns, so many that each band can be sorted in the cache,
+by one thread. A key holds both cell indices, counted from the least of the band, in as few bits as
+they need: cells that lie close together, as in most recordings, are sorted in two passes.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
-# So many points are sorted where they stay in the cache.
+# About so many points make a band: they can be sorted in the cache.
 _IN_BAND = 4096
 # Bits that a pass sorts by: more buckets would not stay in the nearest cache.
 _BITS = 9
-# Least bits by which heights are sorted before.
+# The fewest bits of a key that hold a rough height.
 _ROUGHLY = 8
-# Sorting by insertion pays where a height moves by so many places on the average.
+# Insertion sort pays while a height moves by at most so many places on average.
 _PATIENCE_PLACES = 16
 
 
@@ -32,11 +32,11 @@ class Ordered(NamedTuple):
     Attributes
     ----------
     order : uint32 (N,)
-        The number of the point that comes at each place.
+        The number of the point that comes at each place; int64 for 2^32 points or more.
     cells : OccupiedCells
-        The occupied cells, and at which places their points begin.
+        The occupied cells, and the places at which their points begin.
     z : float64 (N,)
-        Their heights.
+        The height of the point at each place.
     """
 
     order: Array
@@ -45,7 +45,15 @@ class Ordered(NamedTuple):
 
 
 def cells_of(xyz: Float64, size: float) -> tuple[Int32, Int32]:
-    """Return the cell indices of points (N, 3), which int32 can hold: ``floor(x / size)``."""
+    """Return cell indices (ix, iy) of points, ``floor(x / size)``, int32 (N,); they must fit.
+
+    Parameters
+    ----------
+    xyz : float64 (N, 3)
+        Coordinates.
+    size : float
+        Side of a cell, in the same unit.
+    """
     ix, iy = np.empty((2, len(xyz)), dtype=np.int32)
     in_ranges(
         len(xyz),
@@ -56,10 +64,18 @@ def cells_of(xyz: Float64, size: float) -> tuple[Int32, Int32]:
 
 
 def order_by_cell(ix: Int32, iy: Int32, z: Float64) -> Ordered:
-    """Order points by cell and by height in each cell."""
-    # Heights side by side: fewer lines of memory are fetched, and the kernel is compiled once.
+    """Return points ordered by cell, and by height in each cell.
+
+    Parameters
+    ----------
+    ix, iy : int32 (N,)
+        Cell indices of the points.
+    z : float64 (N,)
+        Heights of the points.
+    """
+    # Contiguous heights: fewer cache lines are fetched, and the kernel is compiled for one type.
     z = np.ascontiguousarray(z)
-    # No point needs more than 4 bytes for its number but in clouds that fill 100 GB.
+    # Only in clouds of 100 GB does the number of a point need more than 4 bytes.
     order = np.empty(len(ix), dtype=np.uint32 if len(ix) < 2**32 else np.int64)
     bands = _put_into_bands(ix, len(ix) // _IN_BAND, order)
     heights = np.empty(len(ix))
@@ -82,10 +98,10 @@ def _locate(xyz: Float64, size: float, ix: Int32, iy: Int32) -> None:
 
 @kernel
 def _put_into_bands(ix: Int32, most: int, order: Array) -> Int64:
-    """Note the numbers of points band by band, and return where the bands begin, and the end.
+    """Write the numbers of points into `order`, band by band; return where the bands begin and end.
 
-    A band is some columns of cells wide, as many as a power of 2, so that there are at most
-    so many bands, or one. The points of a band keep their order.
+    There are at most `most` bands, but at least one. The number of columns of a band is a power of
+    2. The points of a band keep their order.
     """
     least, shift, bands = 0, 0, 1
     if most > 1:
@@ -116,13 +132,34 @@ def _put_into_bands(ix: Int32, most: int, order: Array) -> Int64:
 def _order_bands(
     bands: Int64, order: Array, ix: Int32, iy: Int32, z: Float64, heights: Float64
 ) -> tuple[Int32, Int32, Int64]:
-    """Order the points of some bands, note their heights, and return cells and their begin."""
+    """Order the points of some bands.
+
+    Parameters
+    ----------
+    bands : int64 (B + 1,)
+        Where the bands begin in `order`, and the end of the last.
+    order : uint32 or int64 (N,)
+        The numbers of points by bands; ordered in place.
+    ix, iy : int32 (N,)
+        Cell indices of the points, by number.
+    z : float64 (N,)
+        Heights of the points, by number.
+    heights : float64 (N,)
+        Receives the height at each place of these bands.
+
+    Returns
+    -------
+    ix, iy : int32 (C,)
+        The cells of the bands, ascending.
+    start : int64 (C,)
+        The places at which the points of each cell begin.
+    """
     most = bands[-1] - bands[0]
     cell_x, cell_y = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
     starts, cells = np.empty(most, dtype=np.int64), 0
     for band in range(len(bands) - 1):
         begin, end = bands[band], bands[band + 1]
-        # What lies far apart in memory is fetched once.
+        # Values that lie far apart in memory are fetched once only.
         numbers = order[begin:end].copy()
         x, y = np.empty(end - begin, dtype=np.int32), np.empty(end - begin, dtype=np.int32)
         fetched = np.empty(end - begin)
@@ -145,8 +182,8 @@ def _order_bands(
 def _packed(x: Int32, y: Int32, z: Float64) -> tuple[UInt64, int]:
     """Return keys that ascend with (x, y), and by how many bits a cell is shifted in them.
 
-    Below the cell a height is told roughly, in `_ROUGHLY` bits and those that would be left over of
-    the last pass: sorted by them, few points of a cell are out of order.
+    The bits below the cell, `_ROUGHLY` and those left over in the last pass, hold a rough height:
+    sorted by it, few points of a cell are out of order.
     """
     keys = np.empty(len(x), dtype=np.uint64)
     if len(x) == 0:
@@ -175,10 +212,10 @@ def _bits(value: int) -> int:
 
 @inner
 def _sorted(keys: UInt64, order: Array) -> tuple[UInt64, Array]:
-    """Return keys in ascending order and the numbers that go with them; equal keys keep theirs.
+    """Return keys in ascending order, and the numbers that go with them (a stable radix sort).
 
-    Both arrays given are used up. Each pass puts the keys into buckets by some of their bits, the
-    lowest first.
+    The arrays given are overwritten. Each pass puts the keys into buckets by some of their bits,
+    the lowest first.
     """
     highest = np.uint64(0)
     for key in keys:
@@ -208,7 +245,10 @@ def _sorted(keys: UInt64, order: Array) -> tuple[UInt64, Array]:
 
 @inner
 def _starts(keys: UInt64, below: np.uint64, begin: int) -> Int64:
-    """Return where runs of keys that are equal above some bits begin, and the end of the last."""
+    """Return where runs of keys begin that are equal above their lowest `below` bits, and the end.
+
+    Places are counted from `begin`.
+    """
     start = np.empty(len(keys) + 1, dtype=np.int64)
     runs = 0
     for i in range(len(keys)):
@@ -221,7 +261,7 @@ def _starts(keys: UInt64, below: np.uint64, begin: int) -> Int64:
 
 @inner
 def _ascend(start: Int64, order: Array, heights: Float64) -> None:
-    """Order the points of some runs by height."""
+    """Order the points of each run by height, in place; `start` is as `_starts` returns it."""
     for run in range(len(start) - 1):
         begin, end = start[run], start[run + 1]
         patience = _PATIENCE_PLACES * (end - begin)

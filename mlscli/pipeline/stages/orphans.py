@@ -73,16 +73,36 @@ def _look_around(
     min_neighbours: int,
     stays: Bool,
 ) -> None:
-    """Tell which patches of cells `begin` to `end` have enough others in their box."""
+    """Find the patches of cells `begin` to `end` that have enough others in their box.
+
+    Parameters
+    ----------
+    begin, end : int
+        Range of cells.
+    ix, iy : int32 (C,)
+        The occupied cells, ascending.
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    low, high : float64 (P,)
+        Lower and upper ends of the patches.
+    half_x, half_y : int
+        Half the width of the box in x and in y, in cells.
+    vertical : float
+        Greatest distance of a neighbour in height, in the unit of the recording.
+    min_neighbours : int
+        How many others are enough.
+    stays : bool (P,)
+        Receives whether each patch of these cells has enough others.
+    """
     columns = 2 * half_x + 1
-    # For each column of the box, a cell that is not beyond its first: it only moves on, as the
-    # cells are in order.
+    # For each column of the box, a cell that does not come after its first one; it only moves on,
+    # as the cells are in order.
     first = np.full(columns, -1, dtype=np.int64)
     for cell in range(begin, end):
         lowest, highest = np.int64(iy[cell]) - half_y, np.int64(iy[cell]) + half_y
         for i in range(start[cell], start[cell + 1]):
             neighbours = -1  # The patch itself lies in its box, too.
-            # The patch's own column comes first, which mostly suffices.
+            # The patch's own column comes first: mostly it suffices.
             for column in range(half_x, half_x + columns):
                 if neighbours >= min_neighbours:
                     break

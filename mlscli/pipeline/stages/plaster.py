@@ -1,6 +1,6 @@
 """Hole plastering (thesis, section 3.5).
 
-From each patch one looks along +x, and likewise +y, at distances d = 1, 2, ... cells. A patch
+From each patch the search goes along +x, and likewise +y, at distances d = 1, 2, ... cells. A patch
 there is a candidate if its height differs by at most
 ``height_thresh * d * cell_size + height_clearance``. The first d with a candidate decides, and of
 several the one nearest in height (equal: the higher). The gap, d - 1 cells wide, is closed if it
@@ -12,7 +12,7 @@ Pass one closes gaps up to `max_gap`; pass two reads its result and closes gaps 
 read the same input and the higher patch stays, as its section 6.3 proposes.
 
 The thesis trusts a slope over the whole gap, so that a wide one joins surfaces of different levels.
-With `slope_reach` the height allowed grows no farther than over that distance.
+With `slope_reach` the height difference allowed grows over that distance only.
 """
 
 from __future__ import annotations

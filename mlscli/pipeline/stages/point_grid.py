@@ -1,8 +1,8 @@
-"""Points in square columns, in which those near a place are found.
+"""Points in square columns, for the search of neighbours.
 
-No two points within the radius of each other lie in columns that do not touch. Where points are
-dense, a column is divided: into so many fine columns that each holds about `_IN_EACH`. In a fine
-column points ascend by height.
+Points within the radius of each other lie in the same column or in columns that touch. Where points
+are dense, a column is divided into fine columns, so that each holds about `_IN_EACH` points. In a
+fine column points ascend by height.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
 
 _IN_EACH = 5
-# Of a fine column with more points than these, only those of near heights are taken.
+# Of a fine column with more points than this, only those of near heights are taken.
 _SHORT_POINTS = 16
 
 
@@ -28,19 +28,19 @@ class PointGrid(NamedTuple):
     Attributes
     ----------
     side : float
-        Of a column, in the unit of the points.
+        Side of a column, in the unit of the points.
     keys : uint64 (C,)
         Packed indices of the columns that hold points, ascending.
     start : int64 (C + 1,)
-        Where the points of each begin.
+        Where the points of each column begin.
     divisions : int64 (C,)
-        Into how many parts each is divided along x, and along y.
+        Into how many parts each column is divided along x, and along y.
     first : int64 (C + 1,)
-        The number of the first fine column of each; they follow each other by (x, y).
+        The number of the first fine column of each column; fine columns ascend by (x, y).
     fine : int64 (F + 1,)
         Where the points of each fine column begin.
     order : uint32 (N,)
-        The number of the point that comes at each place.
+        The number of the point that comes at each place; int64 for 2^32 points or more.
     xyz : float64 (N, 3)
         The points in this order.
     """
@@ -56,7 +56,7 @@ class PointGrid(NamedTuple):
 
     @classmethod
     def of(cls, xyz: Float64, radius: float) -> PointGrid:
-        """Return the grid in which points within a radius of each other are sought."""
+        """Return the grid of points (N, 3) for the search of neighbours within a radius."""
         farthest = _farthest(xyz)
         # The margin outweighs the rounding of quotients, whose size the second term bounds.
         side = max(1.001 * radius, farthest * 2.0**-30)
@@ -75,7 +75,7 @@ class PointGrid(NamedTuple):
         return grid
 
     def columns(self, begin: int, end: int) -> tuple[int, int]:
-        """Return from which to which column those are whose points begin in a range."""
+        """Return the range of columns whose points begin at the places `begin` to `end`."""
         if (begin, end) == (0, len(self.order)):
             return 0, len(self.keys)
         first, last = np.searchsorted(self.start[:-1], (begin, end))
@@ -93,7 +93,7 @@ def _farthest(xyz: Float64) -> float:
 
 @kernel
 def _divided(start: Int64) -> tuple[Int64, Int64]:
-    """Return into how many parts each column is divided, and the number of the first of them."""
+    """Return how each column is divided, and the number of its first fine column."""
     divisions, first = np.empty(len(start) - 1, dtype=np.int64), np.zeros_like(start)
     for column in range(len(divisions)):
         points = start[column + 1] - start[column]
@@ -117,7 +117,7 @@ def part(offset: float, side: float, divisions: int) -> int:
 
 @kernel
 def _divide(grid: PointGrid, begin: int, end: int, by_height: Array, xyz: Float64) -> None:
-    """Put the points of some columns, which ascend by height, into fine columns."""
+    """Put the points of columns `begin` to `end`, which ascend by height, into fine columns."""
     for column in range(begin, end):
         x, y = corner(grid.keys[column], grid.side)
         divisions, first = grid.divisions[column], grid.first[column]
@@ -143,7 +143,7 @@ def _divide(grid: PointGrid, begin: int, end: int, by_height: Array, xyz: Float6
 
 @inner
 def columns_around(grid: PointGrid, column: int, around: Int64) -> int:
-    """Note the columns that touch a column, and itself; return how many these are."""
+    """Write a column and those that touch it to `around`, int64 (9,); return how many they are."""
     size = 0
     for dx in (-1, 0, 1):
         # The three columns of one dx follow each other in memory.
@@ -165,31 +165,34 @@ def gather(
     distance: float,
     near: Float64,
 ) -> tuple[Float64, int, int, bool]:
-    """Collect all points within a distance of some points of one fine column, and some others.
+    """Collect all points within a distance of some points of one fine column, and maybe others.
 
     Parameters
     ----------
+    grid : PointGrid
     around : int64
-        The columns that touch that of the points, and this one.
+        The points' column, and those that touch it.
     points : (begin, end)
+        Range of places of the points.
     heights : (low, high)
-        Between which the points are taken to be.
+        Heights between which the points are taken to lie.
     distance : float
+        At most the radius of the grid.
     near : float64 (R, M)
-        A buffer with a row for each of x, y and z, and rows for others.
+        A buffer with a row for each of x, y and z, and further rows.
 
     Returns
     -------
     near : float64 (R, M)
-        The buffer, which may have grown, with room for one more.
+        The buffer, which may have grown, with x, y, z of the points found and room for one more.
     size : int
         How many were found.
     own : int
-        Where the points themselves are among them; they follow each other.
+        Index of the first of the points themselves, which follow each other; -1: it was left out.
     cut : bool
-        Whether some were left out for their heights.
+        Whether some were left out because of their heights.
     """
-    # Taken out once: a field of a tuple costs more than an element of an array.
+    # Taken out once: access to a field of a tuple costs more than to an element of an array.
     xyz, fine, keys, side = grid.xyz, grid.fine, grid.keys, grid.side
     firsts, all_divisions = grid.first, grid.divisions
     west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
@@ -218,7 +221,7 @@ def gather(
                 if size + end - begin >= near.shape[1]:
                     near = _wider(near, 2 * (size + end - begin))
                 for j in range(begin, end):
-                    # Noted first and counted then, which spares a branch that nobody can foresee.
+                    # Written first and counted then, which avoids an unpredictable branch.
                     x, y = xyz[j, 0], xyz[j, 1]
                     near[0, size], near[1, size], near[2, size] = x, y, xyz[j, 2]
                     if j == points[0]:
@@ -238,7 +241,7 @@ def _wider(buffer: Float64, size: int) -> Float64:
 
 @inner
 def _first_from(xyz: Float64, begin: int, end: int, z: float) -> int:
-    """Return the first of some points, which ascend by height, that is not below z."""
+    """Return the first of points `begin` to `end`, which ascend by height, that is not below z."""
     while begin < end:
         middle = (begin + end) // 2
         if xyz[middle, 2] < z:

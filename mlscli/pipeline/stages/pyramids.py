@@ -3,10 +3,10 @@
 A neighbour is, in each of the four direct cells, the patch nearest in height (equal: the higher),
 if it is at most `max_height` away in height. For a patch with all four, let `high` and `low` be
 the highest and the lowest of their heights. If
-``height - high > height_factor_thresh * (high - low)``, the height becomes `high`, and the depth
-what is left of it. Where that brings the patch within `gap_size` of another of its cell, it
-doubles that surface and is removed instead. A patch within `gap_size` of another of its cell is
-no pyramid.
+``height - high > height_factor_thresh * (high - low)``, the height becomes `high`; the lower end
+stays where it is, unless it lies above `high`. Where that brings the patch within `gap_size` of
+another of its cell, it doubles that surface and is removed instead. A patch within `gap_size` of
+another of its cell is no pyramid.
 
 Noise makes as many pits as pyramids. With `pits`, a horizontal patch with
 ``low - height > height_factor_thresh * (high - low)`` is raised to `low` likewise.
@@ -105,7 +105,31 @@ def _lower(
     new_depth: Float64,
     stays: Bool,
 ) -> bool:
-    """Note new heights and depths in cells `begin` to `end`, and what stays; tell if any is new."""
+    """Find new heights and depths in cells `begin` to `end`; return whether there are any.
+
+    Parameters
+    ----------
+    begin, end : int
+        Range of cells.
+    ix, iy : int32 (C,)
+        The occupied cells, ascending.
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    height, depth : float64 (P,)
+        Of the patches as they are.
+    gap_size : float
+        In the unit of the recording.
+    factor : float
+        The parameter `height_factor_thresh`.
+    max_height : float
+        Greatest height difference of a patch and its neighbour, in the unit of the recording.
+    pits : bool
+        Whether pits are raised.
+    new_height, new_depth : float64 (P,)
+        Copies of `height` and `depth`, which are changed where a patch is moved.
+    stays : bool (P,)
+        Receives False for patches that are removed.
+    """
     moved = False
     left = right = -1
     for cell in range(begin, end):
@@ -163,7 +187,21 @@ def _meets_another(
     depth: Float64,
     gap_size: float,
 ) -> bool:
-    """Tell whether [low_end, high_end] is within `gap_size` of a patch other than i."""
+    """Return whether [low_end, high_end] is within `gap_size` of a patch other than i.
+
+    Parameters
+    ----------
+    i : int
+        A patch.
+    begin, end : int
+        Range of the patches of its cell.
+    low_end, high_end : float
+        An interval in height.
+    height, depth : float64 (P,)
+        Of all patches.
+    gap_size : float
+        In the unit of the recording.
+    """
     for j in range(begin, end):
         apart = distance(low_end, high_end, height[j] - depth[j], height[j])
         if j != i and apart <= gap_size:

@@ -6,8 +6,8 @@ from 0 in the order of their first patch.
 
 With `snap`, the thesis's purpose for regions, a patch of a region that is too small is moved to
 the nearest height (equal: the higher) that a kept region has in a cell that shares an edge, if
-this is within `gap_size`; its depth is kept. It is removed where there is none, and where moving
-brings it within `gap_size` of another patch of its cell, as that was or as it is moved itself.
+this is within `gap_size`; its depth is kept. It is removed where there is no such height, and where
+moving brings it within `gap_size` of another patch of its cell, at that one's old or new height.
 Regions are then found anew.
 """
 
@@ -108,7 +108,28 @@ def _snapped(
     kept: Bool,
     gap_size: float,
 ) -> tuple[Float64, Bool]:
-    """Return the new heights, and which patches stay."""
+    """Move patches that are not kept to kept ones beside them.
+
+    Parameters
+    ----------
+    ix, iy : int32 (C,)
+        The occupied cells, ascending.
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    height, depth : float64 (P,)
+        Of the patches as they are.
+    kept : bool (P,)
+        Whether a patch belongs to a region that is large enough.
+    gap_size : float
+        In the unit of the recording.
+
+    Returns
+    -------
+    new : float64 (P,)
+        The new heights.
+    stays : bool (P,)
+        Whether a patch stays.
+    """
     new, stays = height.copy(), kept.copy()
     four = beside(ix, iy)
     for cell in range(len(ix)):

@@ -1,4 +1,4 @@
-"""The stages there are, by the name that a configuration calls them."""
+"""All stages, by their names in a configuration."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""What a stage is: a frozen dataclass of parameters that knows how to apply itself.
+"""The base classes of stages: frozen dataclasses of parameters that apply themselves.
 
-A stage turns its whole input into its whole output and declares its *reach*: how many cells
-away something can still change a result. Where it is evaluated is then the caller's choice: fed
-with all that lies within its reach of some cells, it gives those cells the patches that it gives
-them when fed with everything.
+A stage turns its whole input into its whole output and declares its *reach*: how many cells away
+an input can still change a result. A caller may therefore evaluate it in some cells only: given all
+input within its reach of them, it returns the same patches there as given the whole input.
 """
 
 from __future__ import annotations
@@ -27,7 +26,15 @@ if TYPE_CHECKING:
 
 
 class Fault(NamedTuple):
-    """Parameters of one stage that contradict each other."""
+    """Parameters of one stage that contradict each other.
+
+    Attributes
+    ----------
+    field : str
+        The name of the parameter to blame.
+    message : str
+        Its value, what is wrong with it, and what would be right.
+    """
 
     field: str
     message: str
@@ -40,20 +47,28 @@ class Stage:
     name: ClassVar[str]
 
     def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
-        """Yield what the parameters contradict; sizes are None where not yet known."""
+        """Yield contradictions among the parameters.
+
+        Parameters
+        ----------
+        cell_size : float or None
+            Side of a cell, in the unit of the recording; None: not yet known.
+        gap_size : float, Cells or None
+            The map's `gap_size`; None: not yet known.
+        """
         yield from ()
 
 
 class Evaluated(NamedTuple):
-    """What becomes of points; told for those that were asked for.
+    """What becomes of points; undefined for those that were not asked for.
 
     Attributes
     ----------
     height : float64 (N,)
-        Their new heights; NaN: dropped.
+        The new height of each point, in the unit of the recording; NaN: it is dropped.
     looked : float64 (N,)
-        The square of how far the stage looked, in x and y: no point farther off can change the
-        result. Empty where all points were asked for.
+        The square of the distance up to which the stage looked for others: a point farther away in
+        x and y cannot change the result. Empty where no mask of points was given.
     """
 
     height: Float64
@@ -81,11 +96,13 @@ class PointStage(Stage):
         Parameters
         ----------
         points : Points
+            The points asked for, and all others within the stage's reach of them.
         cell_size : float
+            Side of a cell, in the unit of the recording.
         asked : bool (N,), optional
-            The points for which this is wanted to be known; all where it is not given.
+            The points to evaluate; by default all.
         progress : callable, optional
-            Called with how many points are done, now and then.
+            Called with the number of points done, now and then.
         """
 
     def apply(
@@ -98,7 +115,7 @@ class PointStage(Stage):
 
 @kernel
 def _kept(xyz: Float64, keyframe: Int32, height: Float64) -> tuple[Float64, Int32]:
-    """Return the points whose new heights are not NaN, at these heights."""
+    """Return coordinates and keyframes of the points with a new height that is not NaN."""
     size = 0
     for z in height:
         size += not np.isnan(z)

@@ -1,19 +1,19 @@
 """Holes in walls, which the thesis left open (its sections 3.5 and 6.3).
 
-Two passes like plaster's, over vertical patches only. Where columns of a wall are missing, the
-search along +x and +y is plaster's, with the distance of the intervals [height - depth, height],
-at most ``height_thresh * d * cell_size``; tops and bottoms run on straight lines. Within one
-cell, the space between two successive patches that are both vertical is filled where it is more
-than `gap_size` and at most the allowed length. A horizontal patch is never joined to what stands
-above it: the space under a bridge stays open. The stage belongs before plaster, which then finds
-no gap there.
+Two passes like plaster's, over vertical patches only. Missing columns of a wall are found by
+plaster's search along +x and +y; candidates are vertical patches whose intervals
+[height - depth, height] are at most ``height_thresh * d * cell_size`` apart. The tops and bottoms
+of the patches that close a gap lie on straight lines. Within one cell, the space between two
+successive patches that are both vertical is filled where it is more than `gap_size` and at most the
+allowed length. A horizontal patch is never joined to what stands above it: the space under a bridge
+stays open. The stage belongs before plaster, which then finds no gap there.
 
-The points of a wall seldom reach its ends, and a median draws them inwards. With `join`, a wall is
-drawn out in the end: down to the lowest of the lower ends that the patches of the eight cells
-around have at most `join` below it, up to the highest of their heights at most `join` above it,
-so that it stands on the floor beside it. Two ends in one cell that would so come within
-`gap_size` of each other stay. It never closes what a craft could pass: `join` counts no farther
-than `gap_size`.
+The points of a wall seldom reach its ends, and a median draws them inwards. With `join`, walls are
+drawn out after both passes: down to the lowest of the lower ends that the patches of the eight
+cells around have at most `join` below a wall's foot, up to the highest of their heights at most
+`join` above its top, so that a wall stands on the floor beside it. Two ends in one cell that would
+thus come within `gap_size` of each other stay where they are. `join` counts up to `gap_size` only,
+so that nothing that a craft could pass is closed.
 """
 
 from __future__ import annotations
@@ -72,7 +72,16 @@ class Walls(GapStage):
 
 
 def fill_holes(surface: SurfaceMap, upright: Int64, widths: Widths) -> Inserted:
-    """Return what fills the holes between successive vertical patches of one cell."""
+    """Return the patches that fill holes between successive vertical patches of one cell.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    upright : int64 (V,)
+        The vertical patches of the map, ascending.
+    widths : Widths
+        The holes that are filled, by their height.
+    """
     certain, allowed = (in_units(width, surface.cell_size) for width in widths)
     lower, upper = upright[:-1], upright[1:]
     space = surface.low_end[upper] - surface.height[lower]
@@ -89,7 +98,10 @@ def fill_holes(surface: SurfaceMap, upright: Int64, widths: Widths) -> Inserted:
 
 
 def drawn_out(surface: SurfaceMap, farthest: float) -> SurfaceMap:
-    """Return the map with the ends of its walls moved outwards to those of the patches around."""
+    """Return the map with the ends of its walls moved outwards to those of the patches around.
+
+    An end moves by at most `farthest`, in the unit of the recording.
+    """
     low, foot, top = surface.low_end, surface.low_end, surface.height.copy()
 
     def draw(begin: int, end: int) -> None:
@@ -120,7 +132,25 @@ def _draw_out(
     foot: Float64,
     top: Float64,
 ) -> None:
-    """Move the ends of vertical patches in cells `begin` to `end`, in `foot` and `top`."""
+    """Find new ends of the vertical patches in cells `begin` to `end`.
+
+    Parameters
+    ----------
+    begin, end : int
+        Range of cells.
+    ix, iy : int32 (C,)
+        The occupied cells, ascending.
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    low, high, depth : float64 (P,)
+        Lower end, upper end and extent of all patches as they are.
+    farthest : float
+        By how much an end moves at most, in the unit of the recording.
+    gap_size : float
+        In the unit of the recording.
+    foot, top : float64 (P,)
+        Receive the lower and upper ends of the patches of these cells.
+    """
     first = np.full(3, -1, dtype=np.int64)
     for cell in range(begin, end):
         x, y = np.int64(ix[cell]), np.int64(iy[cell])
@@ -128,7 +158,7 @@ def _draw_out(
         for i in range(start[cell], start[cell + 1]):
             lowest, highest = low[i], high[i]
             for column in range(3 if depth[i] > 0 else 0):
-                # The cells of a column follow each other: what comes before them only moves on.
+                # Cells are in order, so that the first one of each column only moves on.
                 there = sought(ix, iy, first[column], x + column - 1, y - 1)
                 first[column] = there
                 while there < len(ix) and ix[there] == x + column - 1 and iy[there] <= y + 1:
@@ -139,7 +169,7 @@ def _draw_out(
                             highest = max(highest, high[j])
                     there += 1
             foot[i], top[i] = lowest, highest
-            # Two ends that would meet stay.
+            # Two ends that would meet stay where they are.
             if i > start[cell] and lowest - reached <= gap_size:
                 foot[i], top[i - 1] = low[i], high[i - 1]
             reached = highest
