@@ -14,7 +14,7 @@ import click
 from mlscli.commands import dryrun, report
 from mlscli.commands.options import PARTLY_READ, Size, as_json, configured, overwrite, say
 from mlscli.commands.progress import ProgressBar
-from mlscli.commands.reading import reading
+from mlscli.commands.reading import FormatsInHelp, reading
 from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
 
 
-@click.command()
+@click.command(cls=FormatsInHelp)
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
 @click.option(
     "-o",
@@ -105,9 +105,7 @@ def command(
 ) -> int:
     """Build a multi-level surface map from a recording.
 
-    SOURCE is a ROS 1 bag, a ROS 2 bag (folder, .db3 or .mcap), a cloud (text, .ply, .pcd, .las,
-    .laz) or a reconstruction (COLMAP, OpenSfM), told by content; several are read in turn, as one
-    flight.
+    Can be read, recognised by content: FORMATS. Several SOURCEs are read in turn, as one flight.
     """
     from mlscli.building.build import build
     from mlscli.building.large import build_large

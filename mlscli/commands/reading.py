@@ -44,6 +44,17 @@ class Numbers(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # gene
         return numbers
 
 
+class FormatsInHelp(click.Command):
+    """A command that reads recordings: FORMATS in its help stands for those that can be read."""
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help, the list of formats loaded for it alone."""
+        from mlscli.io.reading.formats import readable
+
+        self.help = (self.help or "").replace("FORMATS", readable())
+        super().format_help_text(ctx, formatter)
+
+
 def reading(command: Command) -> Command:
     """Add the options of `mlscli.open_recording`; a command takes them as keywords of its names."""
     options = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,11 +12,6 @@ from mlscli.errors import InputError
 from mlscli.io.containers.ros2metadata import STORAGE
 from mlscli.io.ros import METADATA_FILE
 from mlscli.io.source import Reading, Source
-
-READABLE = (
-    "ROS 1 bags, ROS 2 bags (a folder with metadata.yaml, .db3, .mcap), text clouds, .ply, .pcd, "
-    ".las and .laz, COLMAP models, and OpenSfM reconstructions"
-)
 
 _HEAD = 1 << 16
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
@@ -37,16 +33,22 @@ def open_source(path: Path, reading: Reading | None = None) -> Source:
     """
     head = _head(path)
     try:
-        format_ = next((each for each in _FORMATS if each.holds(path, head)), None)
+        format_ = next((each for each in _by_content() if each.holds(path, head)), None)
         found = f"is {format_.name}, which cannot be read" if format_ else _content(path, head)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     if format_ is None or format_.open is None:
-        raise InputError(f"{path}: {found}; can be read: {READABLE}")
+        raise InputError(f"{path}: {found}; can be read: {readable()}")
     return format_.open(path, reading or Reading())
 
 
-class _Format(NamedTuple):
+def readable() -> str:
+    """Return what can be read, as a list in words."""
+    *most, last = [each.listed for each in FORMATS if each.listed]
+    return f"{', '.join(most)}, and {last}"
+
+
+class Format(NamedTuple):
     """A format, and how it is recognised and opened.
 
     Attributes
@@ -57,15 +59,28 @@ class _Format(NamedTuple):
         Returns for a path and its first bytes whether it is of this format.
     open : callable or None
         Opens a path; None where the format cannot be read.
+    listed : str
+        How the list of what can be read names it; empty where another entry of the list says it.
     """
 
     name: str
     holds: Callable[[Path, bytes], bool]
     open: Callable[[Path, Reading], Source] | None = None
+    listed: str = ""
 
 
 def _starting(*magics: bytes) -> Callable[[Path, bytes], bool]:
     return lambda _, head: head.removeprefix(b"\xef\xbb\xbf").startswith(magics)
+
+
+def _reader(module: str, name: str) -> Callable[[Path, Reading], Source]:
+    """Return what opens a file by a class of `mlscli.io.clouds`, imported when it is needed."""
+
+    def open_(path: Path, _: Reading) -> Source:
+        opened: Source = getattr(import_module(f"mlscli.io.clouds.{module}"), name)(path)
+        return opened
+
+    return open_
 
 
 def _open_messages(path: Path, reading: Reading) -> Source:
@@ -79,24 +94,6 @@ def _open_text(path: Path, reading: Reading) -> Source:
     from mlscli.io.clouds.text import TextCloud
 
     return TextCloud(path, reading.columns)
-
-
-def _open_ply(path: Path, _: Reading) -> Source:
-    from mlscli.io.clouds.plycloud import PlyCloud
-
-    return PlyCloud(path)
-
-
-def _open_pcd(path: Path, _: Reading) -> Source:
-    from mlscli.io.clouds.pcd import PcdCloud
-
-    return PcdCloud(path)
-
-
-def _open_las(path: Path, _: Reading) -> Source:
-    from mlscli.io.clouds.las import LasCloud
-
-    return LasCloud(path)
 
 
 def _open_colmap(path: Path, _: Reading) -> Source:
@@ -158,23 +155,56 @@ def _is_text(path: Path, head: bytes) -> bool:
     return path.is_file() and bool(head.strip()) and not _CONTROL.search(head)
 
 
-_FORMATS = (
-    _Format("ROS 2 bag", lambda path, _: _is_ros2_folder(path), _open_messages),
-    _Format("ROS 1 bag", _starting(b"#ROSBAG V", b"#ROSRECORD"), _open_messages),
-    _Format("MCAP", _starting(b"\x89MCAP0\r\n"), _open_messages),
-    _Format("SQLite", _starting(b"SQLite format 3\0"), _open_messages),
-    _Format("a file of a ROS 2 bag, compressed", _starting(b"\x28\xb5\x2f\xfd"), _open_messages),
-    _Format("PLY", _starting(b"ply\n", b"ply\r", b"ply "), _open_ply),
-    _Format("PCD", _starting(b"# .PCD", b"VERSION 0.", b"VERSION .", b"FIELDS "), _open_pcd),
-    _Format("LAS", _starting(b"LASF"), _open_las),
-    _Format("COLMAP model", lambda path, _: bool(_colmap_models(path)), _open_colmap),
-    _Format("a part of a COLMAP text model", _starting(b"# Image list", b"# Camera list")),
-    _Format("OpenSfM", lambda path, _: bool(_reconstructions(path)), _open_opensfm),
-    _Format("a JSON file", _starting(b"{", b"[")),
-    _Format("a gzip archive", _starting(b"\x1f\x8b")),
-    _Format("a zip archive or numpy's .npz", _starting(b"PK\x03\x04")),
-    _Format("text", _is_text, _open_text),
+FORMATS = (
+    Format(
+        "ROS 1 bag", _starting(b"#ROSBAG V", b"#ROSRECORD"), _open_messages, listed="ROS 1 bags"
+    ),
+    Format(
+        "ROS 2 bag",
+        lambda path, _: _is_ros2_folder(path),
+        _open_messages,
+        listed="ROS 2 bags (a folder with metadata.yaml, .db3, .mcap)",
+    ),
+    Format("MCAP", _starting(b"\x89MCAP0\r\n"), _open_messages),
+    Format("SQLite", _starting(b"SQLite format 3\0"), _open_messages),
+    Format("a file of a ROS 2 bag, compressed", _starting(b"\x28\xb5\x2f\xfd"), _open_messages),
+    Format("text", _is_text, _open_text, listed="text clouds"),
+    Format(
+        "PLY",
+        _starting(b"ply\n", b"ply\r", b"ply "),
+        _reader("plycloud", "PlyCloud"),
+        listed=".ply",
+    ),
+    Format(
+        "PCD",
+        _starting(b"# .PCD", b"VERSION 0.", b"VERSION .", b"FIELDS "),
+        _reader("pcd", "PcdCloud"),
+        listed=".pcd",
+    ),
+    Format("LAS", _starting(b"LASF"), _reader("las", "LasCloud"), listed=".las and .laz"),
+    Format(
+        "COLMAP model",
+        lambda path, _: bool(_colmap_models(path)),
+        _open_colmap,
+        listed="COLMAP models",
+    ),
+    Format("a part of a COLMAP text model", _starting(b"# Image list", b"# Camera list")),
+    Format(
+        "OpenSfM",
+        lambda path, _: bool(_reconstructions(path)),
+        _open_opensfm,
+        listed="OpenSfM reconstructions",
+    ),
+    Format("a JSON file", _starting(b"{", b"[")),
+    Format("a gzip archive", _starting(b"\x1f\x8b")),
+    Format("a zip archive or numpy's .npz", _starting(b"PK\x03\x04")),
 )
+"""The formats there are; the only list of them."""
+
+
+def _by_content() -> list[Format]:
+    """Return the formats in the order in which they are tried: others can be text, too."""
+    return sorted(FORMATS, key=lambda each: each.holds is _is_text)
 
 
 def _head(path: Path) -> bytes:
