@@ -43,7 +43,7 @@ class BatchGatherer:
         self._waiting: list[Keyframe] = []
         self._waiting_points = 0
         self._batches: list[Points] = []
-        self._routes: list[Float64] = [np.empty((0, 4))]
+        self._routes: list[Float64] = []
         self._routes_taken = 0
 
     def add(self, keyframe: Keyframe) -> bool:
@@ -93,11 +93,11 @@ class BatchGatherer:
 
     def take_route(self) -> Float64:
         """Return the rows that the route gained since the last call, float64 (K, 4)."""
-        gained = np.concatenate(self._routes[self._routes_taken :])
+        gained = np.concatenate([np.empty((0, 4)), *self._routes[self._routes_taken :]])
         self._routes_taken = len(self._routes)
         return gained
 
     @property
     def route(self) -> Float64:
         """The route of all batches, float64 (K, 4): time, x, y, z of the craft."""
-        return np.concatenate(self._routes)
+        return np.concatenate([np.empty((0, 4)), *self._routes])

@@ -69,6 +69,7 @@ def build(
         Where the recording cannot be read, the parameters do not go together, or nothing is left.
     """
     parameters = Parameters() if parameters is None else parameters
+    expect(parameters, Parameters, "parameters", "Parameters")
     followed = "" if follow is None else "`follow`"
     check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, followed)
     if isinstance(scheduler, str):

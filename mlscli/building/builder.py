@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.building.batching import BatchGatherer
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, expect
 from mlscli.keyframes.batches import gather
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import Change, points_in
@@ -87,6 +87,7 @@ class MapBuilder:
         jobs: int | None = None,
         cluster: Cluster | None = None,
     ) -> None:
+        expect(parameters, Parameters, "parameters", "Parameters")
         followed = "" if follow is None else "`follow`"
         check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
         self.parameters = parameters

@@ -88,7 +88,7 @@ class RowTile:
             self.used[1] = kept
 
     def replace(
-        self, strips: Strips, new: UInt64, start: Int64, to_come: int, told: bool
+        self, strips: Strips, new: UInt64, start: Int64, to_come: int, compare: bool
     ) -> tuple[UInt64, UInt64]:
         """Replace the rows in the cells of a set; tell which went and which came.
 
@@ -101,12 +101,12 @@ class RowTile:
             From where to where those of each strip lie among them.
         to_come : int
             How many of them can be its own; there is room for them.
-        told : bool
-            Whether it is told what differs.
+        compare : bool
+            Whether it is compare what differs.
         """
         differing: tuple[UInt64, UInt64] = _update(
             self.number, self.place, self.runs, self.rows, self.used,
-            *strips, new, start, to_come, told,
+            *strips, new, start, to_come, compare,
         )  # fmt: skip
         return differing
 
@@ -231,14 +231,14 @@ def _update(
     new: UInt64,
     start: Int64,
     to_come: int,
-    told: bool,
+    compare: bool,
 ) -> tuple[UInt64, UInt64]:
     """Replace the rows that a tile has in the cells of a set; tell which went and which came."""
     counts = np.zeros(len(strips) + 1, dtype=np.int64)
-    if told:
+    if compare:
         _count(number, place, runs, strips, bits, counts)
     removed = np.empty((summed(counts), rows.shape[1]), dtype=np.uint64)
-    added = np.empty((to_come if told else 0, rows.shape[1]), dtype=np.uint64)
+    added = np.empty((to_come if compare else 0, rows.shape[1]), dtype=np.uint64)
     gone = came = ZERO
     for s in range(len(strips)):
         if tile_of(strips[s]) != np.uint64(number):
@@ -260,7 +260,7 @@ def _update(
             more = first - begin
             if alike(rows, old, size, new, begin, more):
                 continue
-            if told:
+            if compare:
                 gone = note_missing(rows, old, size, new, begin, more, removed, gone)
                 came = note_missing(new, begin, more, rows, old, size, added, came)
             if more > size:

@@ -46,7 +46,7 @@ class TiledRows:
 
     def put(self, cells: CellSet, new: UInt64) -> None:
         """Replace the rows in `cells` by those of `new` that lie in them; see `update`."""
-        self._replace(cells, new, told=False)
+        self._replace(cells, new, compare=False)
 
     def update(self, cells: CellSet, new: UInt64) -> tuple[UInt64, UInt64]:
         """Replace the rows in `cells` by those of `new` that lie in them, and tell what differs.
@@ -64,9 +64,9 @@ class TiledRows:
         removed, added : uint64 (., words)
             Rows that a cell had and has no more, and rows that it has only now; ascending by cell.
         """
-        return self._replace(cells, new, told=True)
+        return self._replace(cells, new, compare=True)
 
-    def _replace(self, cells: CellSet, new: UInt64, told: bool) -> tuple[UInt64, UInt64]:
+    def _replace(self, cells: CellSet, new: UInt64, compare: bool) -> tuple[UInt64, UInt64]:
         strips = self._strips(cells, new)
         start = starts(new, strips.number)
         removed, added = [], []
@@ -79,7 +79,7 @@ class TiledRows:
             self._tiles[number] = tile
             self._there -= tile.listed
             tile.make_room(unlisted, to_come)
-            gone, came = tile.replace(mine, new, its_new, to_come, told)
+            gone, came = tile.replace(mine, new, its_new, to_come, compare)
             removed.append(gone)
             added.append(came)
             if tile.empty:
@@ -140,7 +140,7 @@ def _take(strips: Strips, own: Int64 | None) -> Strips:
 def _by_tile(strips: Strips) -> Iterator[tuple[int, Int64 | None]]:
     """Yield the numbers of the tiles in which strips lie, and where theirs are among these.
 
-    Where tiles are few they are told of all (None): it costs less to pass over those of others.
+    Where tiles are few they are compare of all (None): it costs less to pass over those of others.
     """
     numbers = dict.fromkeys(_tiles_of(strips.number).tolist())
     if len(numbers) < _MANY_TILES:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from copy import copy
 from itertools import takewhile
 
-from mlscli.errors import UsageError, expect
+from mlscli.errors import UsageError
 from mlscli.keyframes.batches import Points
 from mlscli.maps.change import points_in
 from mlscli.maps.grid import Grid
@@ -57,7 +57,6 @@ class Pipeline:
     """
 
     def __init__(self, parameters: Parameters, frame_id: str, report: Report) -> None:
-        expect(parameters, Parameters, "parameters", "Parameters")
         parameters.check()
         cell_size = parameters.map.cell_size
         if isinstance(cell_size, str):

@@ -1,0 +1,168 @@
+"""The calls that the README shows: what they take, and what a wrong type is answered with.
+
+How one could cheat: to take a path and lose the options of a recording, or an array and change
+it; to refuse what is almost right with the words of whatever failed first. So maps of a path, a
+recording and an array are held against each other, and wrong types must be TypeErrors that name
+the argument and what would be right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mlscli
+from mlscli.errors import ConfigError, UsageError
+from mlscli.maps.change import Change
+from mlscli.maps.merging import merge_maps
+from mlscli.pipeline.parameters import MapParameters, Vehicle
+from mlscli.runtime.arrays import Float64
+from mlscli.scoring import compare_maps, score
+from tests.helpers.maps import Patch, map_of
+
+SAMPLE = Path(__file__).resolve().parent.parent / "data/samples/bridge.txt"
+SURFACE = map_of([Patch(0, 0, 0.0, 0.0, 0, 1), Patch(0, 1, 0.1, 0.0, 0, 2)])
+EDGE = mlscli.Parameters().with_cell_size(0.5)
+
+
+# --- what builds a map ---
+
+
+def test_a_path_a_recording_and_its_points_make_one_map() -> None:
+    recording = mlscli.open_recording(SAMPLE)
+    expected = mlscli.build_map(recording, EDGE)
+    assert mlscli.build_map(SAMPLE, EDGE) == expected
+    assert mlscli.build_map(str(SAMPLE), EDGE) == expected
+    points = np.concatenate([keyframe.points for keyframe in recording])
+    surface = mlscli.build_map(points, EDGE)
+    # All points are one keyframe there.
+    assert surface.columns.keys() == expected.columns.keys()
+    for name in set(surface.columns) - {"first_keyframe", "last_keyframe"}:
+        np.testing.assert_array_equal(surface.columns[name], expected.columns[name])
+    assert surface.meta["sources"] == ["array"]
+    assert surface.meta["points"]["read"] == len(points)
+
+
+def test_points_in_memory_are_accounted_for_and_left_as_they_are() -> None:
+    points: Float64 = np.array([[0, 0, 1], [0.1, 0, np.nan], [0.2, 0, 1e9], [0.3, 0.1, 1.1]])
+    before = points.copy()
+    recording = mlscli.open_recording(points, up="-z")
+    (keyframe,) = recording
+    np.testing.assert_array_equal(keyframe.points, [[0, 0, -1], [0.3, -0.1, -1.1]])
+    assert recording.tally.points_read == 4
+    assert sum(recording.tally.dropped.values()) == 2
+    np.testing.assert_array_equal(points, before)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.int64, np.uint8, np.float64])
+def test_points_are_of_any_numbers(dtype: type) -> None:
+    points = np.array([[1, 2, 3], [4, 5, 6]], dtype=dtype)
+    (keyframe,) = mlscli.open_recording(points)
+    assert keyframe.points.dtype == np.float64
+    assert keyframe.points.tolist() == points.tolist()
+
+
+@pytest.mark.parametrize(
+    "points", [np.zeros(3), np.zeros((3, 4)), np.zeros((2, 3), complex), np.full((2, 3), "1")]
+)
+def test_an_array_of_something_else_is_refused(points: Any) -> None:
+    with pytest.raises(UsageError, match=r"shape \(.*\) and dtype .*; expected .* \(N, 3\)"):
+        mlscli.build_map(points)
+
+
+def test_a_recording_is_iterated_as_often_as_needed() -> None:
+    recording = mlscli.open_recording(SAMPLE)
+    first, again = ([keyframe.stamp for keyframe in recording] for _ in range(2))
+    assert first == again == [keyframe.stamp for keyframe in recording.keyframes()]
+
+
+# --- what is written ---
+
+
+@pytest.mark.parametrize("kind", ["ply", "obj", "glb"])
+def test_a_map_is_written_as_the_mesh_of_it(kind: str, tmp_path: Path) -> None:
+    write: Callable[..., None] = getattr(mlscli, f"write_{kind}")
+    folders = [tmp_path / "map", tmp_path / "mesh"]
+    for folder, shape in zip(folders, (SURFACE, mlscli.build_mesh(SURFACE)), strict=True):
+        folder.mkdir()
+        write(folder / f"a.{kind}", shape)
+    first, second = ((folder / f"a.{kind}").read_bytes() for folder in folders)
+    assert first == second
+
+
+# --- wrong types ---
+
+WRONG: list[tuple[Callable[[Path], object], str, str]] = [
+    (lambda _: mlscli.build_map(1), "source", "points as an array"),  # type: ignore[arg-type]
+    (lambda _: mlscli.open_recording(3.5), "sources", "path"),  # type: ignore[arg-type]
+    (lambda _: mlscli.build_map(SAMPLE, {}), "parameters", "Parameters"),  # type: ignore[arg-type]
+    (lambda _: mlscli.MapBuilder("a.yaml"), "parameters", "Parameters"),  # type: ignore[arg-type]
+    (lambda _: mlscli.build_mesh("a.npz"), "surface", "SurfaceMap"),  # type: ignore[arg-type]
+    (lambda to: mlscli.write_ply(to / "a", 1), "mesh", "Mesh"),  # type: ignore[arg-type]
+    (lambda to: mlscli.write_obj(to / "a", 1), "mesh", "Mesh"),  # type: ignore[arg-type]
+    (lambda to: mlscli.write_glb(to / "a", 1), "mesh", "Mesh"),  # type: ignore[arg-type]
+    (lambda to: mlscli.write_map(to / "a", 1), "surface", "SurfaceMap"),  # type: ignore[arg-type]
+    (lambda to: mlscli.write_page(to / "a", 1), "surface", "SurfaceMap"),  # type: ignore[arg-type]
+    (lambda to: mlscli.write_replay(to / "a", 1, []), "surface", "SurfaceMap"),  # type: ignore[arg-type]
+    (lambda _: merge_maps(SURFACE, 1), "other", "SurfaceMap"),  # type: ignore[arg-type]
+    (lambda _: compare_maps(SURFACE, 1), "b", "SurfaceMap"),  # type: ignore[arg-type]
+    (lambda _: score(1, SURFACE), "surface", "SurfaceMap"),  # type: ignore[arg-type]
+    (lambda _: mlscli.Parameters(vehicle={"width": 1}), "vehicle", "Vehicle"),  # type: ignore[arg-type]
+    (lambda _: mlscli.Parameters(map=0.5), "map", "MapParameters"),  # type: ignore[arg-type]
+    (lambda _: mlscli.Parameters(pipeline=("median",)), "pipeline", "Median"),  # type: ignore[arg-type]
+    (lambda _: SURFACE.with_columns(height=[1.0, 2.0]), "height", "an array"),
+]
+
+
+@pytest.mark.parametrize(("call", "argument", "right"), WRONG)
+def test_a_wrong_type_is_refused_with_what_is_right(
+    call: Callable[[Path], object], argument: str, right: str, tmp_path: Path
+) -> None:
+    with pytest.raises(TypeError) as refusal:
+        call(tmp_path)
+    assert str(refusal.value).startswith(f"`{argument}`: found ")
+    assert right in str(refusal.value).partition("; expected ")[2]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("parameters", "fault"),
+    [
+        (mlscli.Parameters(map=MapParameters(cell_size=-1.0)), "map.cell_size"),
+        (mlscli.Parameters(Vehicle("wide"), map=MapParameters(1.0)), "mode"),  # type: ignore[arg-type]
+        (mlscli.Parameters(vehicle=Vehicle("wide"), map=MapParameters(1.0)), "vehicle.width"),  # type: ignore[arg-type]
+    ],
+)
+def test_values_out_of_range_are_refused_before_a_map_is_made(
+    parameters: mlscli.Parameters, fault: str
+) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        mlscli.MapBuilder(parameters)
+    assert refusal.value.faults[0].startswith(f"{fault}: found ")
+
+
+# --- what a map holds ---
+
+
+def test_the_arrays_of_a_map_are_read_only_however_it_was_made(tmp_path: Path) -> None:
+    mlscli.write_map(tmp_path / "a.npz", SURFACE)
+    changes: list[Change] = []
+    built = mlscli.build_map(SAMPLE, EDGE, follow=changes.append)
+    maps = [
+        SURFACE,
+        mlscli.read_map(tmp_path / "a.npz"),
+        built,
+        built.crop(min_x=0),
+        built.union(SURFACE),
+        merge_maps(SURFACE, SURFACE),
+        changes[0].added,
+    ]
+    for surface in maps:
+        for name, column in {**surface.columns, "route": surface.route}.items():
+            assert not column.flags.writeable, name
+    with pytest.raises(ValueError, match="read-only"):
+        built.height[0] = 0.0

@@ -1,0 +1,198 @@
+"""What every stage and every format owes: whoever adds one finds here what is missing.
+
+How one could cheat: to leave a stage or a format out of the tables below, so these are held
+against the registries; an example that is recognised by its name, so examples have none that says
+what they are; a damaged twin that is read as if it were whole, so points must lack or be refused,
+and a loss be named.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+import zstandard
+
+from mlscli.config import preset_text
+from mlscli.errors import InputError
+from mlscli.io.reading.formats import FORMATS, Format, open_source, readable
+from mlscli.io.writing.flight_bag import write_bag
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.pipeline.stages.registry import STAGES
+from mlscli.runtime.arrays import Float64
+from tests.helpers import references
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+
+POINTS: Float64 = np.round(np.random.default_rng(1).uniform(-5, 5, (600, 3)), 3)
+LINES = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS.tolist())
+
+
+def table(page: str) -> list[str]:
+    """Return the first cells of the rows of the first table of a page."""
+    lines = (DOCS / page).read_text(encoding="utf-8").splitlines()
+    rows = [line.split("|")[1].strip() for line in lines if line.startswith("|")]
+    return rows[2:]
+
+
+# --- stages ---
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_a_stage_has_a_reference_a_row_in_the_docs_and_a_comment_in_the_presets(name: str) -> None:
+    assert callable(getattr(references, name))
+    assert f"`{name}`" in table("stages.md")
+    presets = preset_text("default") + preset_text("thesis")
+    assert re.search(rf"^ *#.*\n(?: *#.*\n)* *(?:# ?)?- {name}\b", presets, re.MULTILINE)
+
+
+# --- formats ---
+
+
+def bag(kind: str) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        keyframes = [
+            Keyframe(part, 1.0 + number, (0.0, 0.0, 1.0))
+            for number, part in enumerate(np.split(POINTS, 6))
+        ]
+        attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (6, 1))
+        write_bag(folder / "flight", keyframes, attitudes, kind)  # type: ignore[arg-type]
+        return folder / "flight"
+
+    return write
+
+
+def database(folder: Path) -> Path:
+    (file,) = bag("ros2")(folder).glob("*.db3")
+    return file
+
+
+def compressed(folder: Path) -> Path:
+    plain = bag("mcap")(folder)
+    (folder / "packed").write_bytes(zstandard.compress(plain.read_bytes()))
+    return folder / "packed"
+
+
+def written(content: str | bytes) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        (folder / "some").write_bytes(content if isinstance(content, bytes) else content.encode())
+        return folder / "some"
+
+    return write
+
+
+def las(folder: Path) -> Path:
+    points = laspy.create(point_format=0)
+    points.x, points.y, points.z = POINTS.T
+    points.write(folder / "some.las")
+    return (folder / "some.las").rename(folder / "some")
+
+
+def colmap(folder: Path) -> Path:
+    rows = [f"{n} {x} {y} {z} 0 0 0 0.1 1 0\n" for n, (x, y, z) in enumerate(POINTS.tolist())]
+    (folder / "points3D.txt").write_text("# 3D point list\n" + "".join(rows))
+    (folder / "images.txt").write_text("# Image list\n")
+    return folder
+
+
+def opensfm(folder: Path) -> Path:
+    points = {str(n): {"coordinates": xyz} for n, xyz in enumerate(POINTS.tolist())}
+    model = {"cameras": {}, "shots": {}, "points": points}
+    return written(json.dumps([model]))(folder)
+
+
+PLY = "ply\nformat ascii 1.0\nelement vertex 600\n" + "".join(
+    f"property double {axis}\n" for axis in "xyz"
+)
+PCD = (
+    "VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 600\nHEIGHT 1\n"
+    "POINTS 600\nDATA ascii\n"
+)
+
+EXAMPLES: dict[str, Callable[[Path], Path]] = {
+    "ROS 1 bag": bag("ros1"),
+    "ROS 2 bag": bag("ros2"),
+    "MCAP": bag("mcap"),
+    "SQLite": database,
+    "a file of a ROS 2 bag, compressed": compressed,
+    "text": written(LINES),
+    "PLY": written(f"{PLY}end_header\n{LINES}"),
+    "PCD": written(f"{PCD}{LINES}"),
+    "LAS": las,
+    "COLMAP model": colmap,
+    "OpenSfM": opensfm,
+}
+"""A recording of each format, that holds `POINTS` and no name that says what it is."""
+
+READABLE = [format_ for format_ in FORMATS if format_.open is not None]
+
+
+def name_of(format_: Format) -> str:
+    return format_.name
+
+
+def clouds_of(path: Path) -> tuple[Float64, list[str]]:
+    """Return all points of a source, and what it says is lost."""
+    source = open_source(path)
+    points = np.concatenate([np.empty((0, 3)), *(cloud.points for cloud in source.clouds())])
+    return points, [*source.losses]
+
+
+def read_or_refused(path: Path) -> tuple[Float64, list[str], str]:
+    """Return points and losses, or else the words of the refusal."""
+    try:
+        return *clouds_of(path), ""
+    except InputError as error:
+        return np.empty((0, 3)), [], str(error)
+
+
+def damage(path: Path) -> None:
+    """Cut the largest file of a recording in half; in a text without a header, spoil a number."""
+    if path.is_dir():
+        path = max(path.iterdir(), key=lambda file: file.stat().st_size)
+    content = path.read_bytes()
+    if content == LINES.encode():
+        path.write_bytes(content.replace(b" ", b" ?", 1))
+    else:
+        path.write_bytes(content[: len(content) // 2])
+
+
+def test_every_format_has_an_example() -> None:
+    assert {format_.name for format_ in READABLE} == EXAMPLES.keys()
+
+
+@pytest.mark.parametrize("format_", READABLE, ids=name_of)
+def test_a_format_is_read_and_its_damaged_twin_read_in_part_or_refused(
+    format_: Format, tmp_path: Path
+) -> None:
+    path = EXAMPLES[format_.name](tmp_path)
+    points, losses = clouds_of(path)
+    np.testing.assert_allclose(points, POINTS, atol=0.005)
+    assert losses == []
+    damage(path)
+    points, losses, refusal = read_or_refused(path)
+    if refusal:
+        assert refusal.startswith(str(tmp_path))
+        assert "\n" not in refusal
+    else:
+        left = points[np.isfinite(points).all(axis=1)]
+        assert len(left) < len(POINTS)
+        assert losses or len(left) < len(points)
+
+
+@pytest.mark.parametrize("format_", READABLE, ids=name_of)
+def test_a_format_has_a_row_in_the_docs(format_: Format) -> None:
+    words = format_.name.removeprefix("a file of a ").split(",")[0].lower()
+    assert any(words in row.lower() for row in table("reading.md"))
+
+
+def test_the_list_of_formats_names_them_all() -> None:
+    listed = readable().lower()
+    for format_ in READABLE:
+        if format_.listed:
+            assert format_.listed.lower() in listed
