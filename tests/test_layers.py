@@ -8,6 +8,7 @@ all into one room, so modules must not import each other in a circle either.
 from __future__ import annotations
 
 import ast
+import re
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -98,3 +99,15 @@ def test_reading_and_writing_do_not_know_each_other() -> None:
             assert "io.writing" not in others
         elif room_of(module) == "io.writing":
             assert others.isdisjoint(reading)
+
+
+def test_the_design_says_so_too() -> None:
+    page = (Path(__file__).resolve().parent.parent / "docs/design.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| *(\d+) \| ([^|]*) \|", page, re.MULTILINE)
+    told = {int(floor): set(re.findall(r"`([\w/]+?)/?`", rooms)) for floor, rooms in rows}
+    expected = {
+        number: {room.replace(".", "/") for room in rooms} for number, rooms in enumerate(FLOORS, 1)
+    }
+    # The package's own modules share a floor there, one above the other.
+    expected[11] |= expected.pop(12)
+    assert told == expected

@@ -60,7 +60,7 @@ def test_points_in_memory_are_accounted_for_and_left_as_they_are() -> None:
 
 @pytest.mark.parametrize("dtype", [np.float32, np.int64, np.uint8, np.float64])
 def test_points_are_of_any_numbers(dtype: type) -> None:
-    points = np.array([[1, 2, 3], [4, 5, 6]], dtype=dtype)
+    points: Float64 = np.array([[1, 2, 3], [4, 5, 6]], dtype=dtype)
     (keyframe,) = mlscli.open_recording(points)
     assert keyframe.points.dtype == np.float64
     assert keyframe.points.tolist() == points.tolist()
