@@ -128,7 +128,7 @@ def command(
         refuse_existing(replay, overwrite=overwrite, sources=sources)
     if dry_run:
         grows = _nobody if growing or replay is not None else None
-        return dryrun.tell(target, sources, parameters, grows, selection, as_json=as_json)
+        return dryrun.report_build(target, sources, parameters, grows, selection, as_json=as_json)
     recording = open_recording(*sources, **selection)
     notes = recording.notes
     for note in notes:

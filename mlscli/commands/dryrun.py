@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mlscli.pipeline.parameters import Parameters
 
 
-def tell(
+def report_build(
     target: str,
     sources: Sequence[str],
     parameters: Parameters,
@@ -84,10 +84,10 @@ _UNKNOWN = "not known from the beginning of the recording"
 def _keyframes(account: dict[str, Any], about: str) -> str:
     if account["keyframes"] is None:
         return _UNKNOWN
-    told = _number(account["keyframes"], "" if account["counted"] else "about ")
+    number = _number(account["keyframes"], "" if account["counted"] else "about ")
     if account["batches"] is None:
-        return told
-    return f"{told} in {about}{report.some(account['batches'], 'batch')}, {account['mode']}"
+        return number
+    return f"{number} in {about}{report.some(account['batches'], 'batch')}, {account['mode']}"
 
 
 def _number(number: float | None, about: str) -> str:

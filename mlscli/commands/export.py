@@ -83,7 +83,7 @@ def command(
             raise UsageError("--format mcap: holds all of the map; leave out how it is to be drawn")
         surface = read_map(map_file)
         _replay(target, surface, overwrite=overwrite)
-        _tell(target, kind, {"patches": surface.size}, as_json=as_json)
+        _report(target, kind, {"patches": surface.size}, as_json=as_json)
         return
 
     from mlscli.io.writing.obj import write_obj
@@ -104,7 +104,7 @@ def command(
         "triangles": len(mesh.triangles),
         "lines": len(mesh.lines),
     }
-    _tell(target, kind, counts, as_json=as_json)
+    _report(target, kind, counts, as_json=as_json)
 
 
 def _replay(target: Path, surface: SurfaceMap, *, overwrite: bool) -> None:
@@ -115,7 +115,7 @@ def _replay(target: Path, surface: SurfaceMap, *, overwrite: bool) -> None:
     write_replay(target, surface, growth(surface), overwrite=overwrite)
 
 
-def _tell(target: Path, kind: str, counts: dict[str, int], *, as_json: bool) -> None:
+def _report(target: Path, kind: str, counts: dict[str, int], *, as_json: bool) -> None:
     if as_json:
         import json
 

@@ -17,11 +17,11 @@ _LOOK_SECONDS = 5.0
 
 def describe(source: Source) -> dict[str, Any]:
     """Return topics and their use, frames, notes and losses of a recording, ready for JSON."""
-    from mlscli.io.reading.frames import told_tree, why_not_mapped
+    from mlscli.io.reading.frames import read_tree, why_not_mapped
     from mlscli.io.reading.glance import Glance
 
     glance = Glance(seconds=_LOOK_SECONDS)
-    tree = told_tree([glance.of(source)])
+    tree = read_tree([glance.of(source)])
     notes = [with_options(note) for note in source.notes]
     if glance.poses_cut:
         notes.append(

@@ -81,8 +81,8 @@ def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
     try:
         recording = open_recording(*sources, **options)
     except (TypeError, UsageError) as error:
-        told = ", ".join(f"{name} {value}" for name, value in options.items())
-        raise UsageError(f"--points: read as the map's recording was ({told}): {error}") from error
+        given = ", ".join(f"{name} {value}" for name, value in options.items())
+        raise UsageError(f"--points: read as the map's recording was ({given}): {error}") from error
     clouds = [keyframe.points for keyframe in recording.keyframes()]
     for note in [*recording.notes, *recording.losses]:
         say(f"mls: {note}")

@@ -76,7 +76,7 @@ def unknown(count: int) -> Poses:
     return Poses(np.full((count, 3), np.nan), np.full((count, 4), np.nan), none)
 
 
-def tells_pose(stamps: Float64, translations: Float64, rotations: Float64) -> Bool:
+def are_poses(stamps: Float64, translations: Float64, rotations: Float64) -> Bool:
     """Return which rows are valid poses, bool (N,): all finite, and the quaternion not 0.
 
     Parameters
@@ -90,8 +90,8 @@ def tells_pose(stamps: Float64, translations: Float64, rotations: Float64) -> Bo
     # A quaternion whose length overflows is none.
     with np.errstate(over="ignore"):
         lengths = np.linalg.norm(rotations, axis=1)
-    told = np.isfinite(stamps) & np.isfinite(translations).all(axis=1)
-    return np.asarray(told & np.isfinite(lengths) & (lengths > 0))
+    finite = np.isfinite(stamps) & np.isfinite(translations).all(axis=1)
+    return np.asarray(finite & np.isfinite(lengths) & (lengths > 0))
 
 
 def in_order(stamps: Float64, rows: Int64) -> Int64:
@@ -153,7 +153,7 @@ class PoseTrack:
     Attributes
     ----------
     stamps : float64 (M,)
-        Time stamps of the valid poses (see `tells_pose`), ascending, each once.
+        Time stamps of the valid poses (see `are_poses`), ascending, each once.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class PoseTrack:
         rotations: Float64,
         series: Int64 | None = None,
     ) -> None:
-        rows = in_order(stamps, np.flatnonzero(tells_pose(stamps, translations, rotations)))
+        rows = in_order(stamps, np.flatnonzero(are_poses(stamps, translations, rotations)))
         self.stamps = stamps[rows]
         self._translations = translations[rows]
         self._rotations = unit(rotations[rows])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.geometry.poses import Poses, PoseTrack, identity, tells_pose, unit, unknown
+from mlscli.geometry.poses import Poses, PoseTrack, are_poses, identity, unit, unknown
 from mlscli.runtime.arrays import Bool, Float64
 
 
@@ -65,17 +65,17 @@ class TransformTree:
             Quaternions x y z w of any length but 0.
         """
         parent, child = bare(parent), bare(child)
-        told = tells_pose(stamps, translations, rotations) & _may_hang(parent, child)
-        if told.any():
+        usable = are_poses(stamps, translations, rotations) & _may_hang(parent, child)
+        if usable.any():
             moving = self._moving.setdefault(child, _Moving())
-            moving.add(parent, stamps[told], translations[told], rotations[told])
+            moving.add(parent, stamps[usable], translations[usable], rotations[usable])
             self._routes.clear()
 
     def add_static(self, parent: str, child: str, translation: Float64, rotation: Float64) -> None:
         """Add T_parent_child for all times: translation (3,), quaternion (4,), as in `add`."""
         parent, child = bare(parent), bare(child)
         translations, rotations = translation.reshape(1, 3), rotation.reshape(1, 4)
-        if (tells_pose(np.zeros(1), translations, rotations) & _may_hang(parent, child)).all():
+        if (are_poses(np.zeros(1), translations, rotations) & _may_hang(parent, child)).all():
             poses = Poses(translations, unit(rotations), np.array([True]))
             self._static[child] = _Static(parent, poses)
             self._routes.clear()
@@ -288,20 +288,20 @@ class _Moving:
 
     def __init__(self) -> None:
         self.parents: list[str] = []
-        self._told: list[tuple[int, Float64, Float64, Float64]] = []
+        self._added: list[tuple[int, Float64, Float64, Float64]] = []
         self._track: PoseTrack | None = None
 
     def add(self, parent: str, stamps: Float64, translations: Float64, rotations: Float64) -> None:
         if parent not in self.parents:
             self.parents.append(parent)
-        self._told.append((self.parents.index(parent), stamps, translations, rotations))
+        self._added.append((self.parents.index(parent), stamps, translations, rotations))
         self._track = None
 
     @property
     def track(self) -> PoseTrack:
         """All poses over time; the series of a pose is the index of its parent in `parents`."""
         if self._track is None:
-            places, stamps, translations, rotations = zip(*self._told, strict=True)
+            places, stamps, translations, rotations = zip(*self._added, strict=True)
             self._track = PoseTrack(
                 np.concatenate(stamps),
                 np.concatenate(translations),

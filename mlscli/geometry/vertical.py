@@ -164,10 +164,10 @@ def _steadiness(attitudes: Float64, directions: Float64) -> Float64:
     """
     from scipy.spatial.transform import Rotation
 
-    told = np.linalg.norm(attitudes, axis=1) > 0
-    if not told.any():
+    known = np.linalg.norm(attitudes, axis=1) > 0
+    if not known.any():
         return np.ones(len(directions))
-    mean = Rotation.from_quat(attitudes[told]).as_matrix().mean(axis=0)
+    mean = Rotation.from_quat(attitudes[known]).as_matrix().mean(axis=0)
     seen = np.linalg.norm(_dots(directions, mean.T), axis=1)
     return np.asarray(np.exp((seen - 1) / _TILT**2))
 

@@ -41,6 +41,7 @@ COLUMNS: Mapping[str, np.dtype[Any]] = {
     "last_keyframe": np.dtype(np.int32),
 }
 STATISTICS = ("top", "bottom", "mean", "variance")
+_ARRAYS = (*COLUMNS, "route")
 
 
 def new_columns(size: int) -> dict[str, Any]:
@@ -117,10 +118,11 @@ class SurfaceMap:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, also for whoever gave them."""
-        for name in (*COLUMNS, "route"):
+        for name in _ARRAYS:
             array = getattr(self, name)
-            expect(array, np.ndarray, name, "an array")
-            array.flags.writeable = False
+            if not isinstance(array, np.ndarray):
+                expect(array, np.ndarray, name, "an array")
+            array.setflags(write=False)
 
     @classmethod
     def of(

@@ -65,7 +65,7 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
     """
     line = np.array([start, end], dtype=np.float64)
     length = math.dist(start, end)
-    words = _told(start, end)
+    words = _in_words(start, end)
     if not 0 < length < math.inf or not on_grid(line, surface.cell_size).all():
         raise UsageError(f"`section` {words}: expected two different places on the grid")
     if length / surface.cell_size > MAX_SECTION_CELLS:
@@ -90,7 +90,7 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
     return Cut(first[place[column]] + within, share[column] * length, share[column + 1] * length)
 
 
-def _told(*places: tuple[float, float], between: str = ",") -> str:
+def _in_words(*places: tuple[float, float], between: str = ",") -> str:
     """Return coordinates as text, with nine digits: those of UTM to the centimetre."""
     return between.join(f"{number:.9g}" for place in places for number in place)
 
@@ -128,7 +128,7 @@ def plot_section(
         surface = surface.take(surface.origin != ARTIFICIAL)
     met = cut(surface, start, end)
     if len(met.patch) == 0:
-        raise UsageError(f"`section` {_told(start, end)}: meets no patch of the map")
+        raise UsageError(f"`section` {_in_words(start, end)}: meets no patch of the map")
     low, high = surface.low_end[met.patch].min(), surface.height[met.patch].max()
     margin = max(0.08 * (high - low), 2 * surface.cell_size)
     length = math.dist(start, end)
@@ -145,7 +145,8 @@ def plot_section(
     _draw_patches(axes, surface, met, paint)
     _draw_route(axes, surface, np.array(start), np.array(end))
     axes.set_xlabel(
-        f"along the cut from ({_told(start, between=', ')}) to ({_told(end, between=', ')})",
+        f"along the cut from ({_in_words(start, between=', ')}) "
+        f"to ({_in_words(end, between=', ')})",
         fontsize=8,
         color=INK,
     )

@@ -16,5 +16,18 @@ UInt32: TypeAlias = NDArray[np.uint32]
 UInt64: TypeAlias = NDArray[np.uint64]
 Bool: TypeAlias = NDArray[np.bool_]
 
+
+def frozen(array: Array) -> Array:
+    """Return an array that cannot be written to.
+
+    The columns of maps are such. What else is given to a kernel that takes columns is frozen, too:
+    for writable arrays it would be compiled once more.
+    """
+    if array.flags.writeable:
+        array = array.view()
+        array.flags.writeable = False
+    return array
+
+
 # Numbers as kernels begin to count with them: for a literal one they would be compiled once more.
 ZERO, ONE = cast(int, np.int64(0)), cast(int, np.int64(1))

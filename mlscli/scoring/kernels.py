@@ -9,7 +9,7 @@ import numpy as np
 from mlscli.maps.neighbours import onward
 from mlscli.maps.patches import distance
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, frozen
 from mlscli.runtime.kernels import inner, kernel
 
 
@@ -35,11 +35,12 @@ class Patches(NamedTuple):
     @classmethod
     def of(cls, surface: SurfaceMap) -> Patches:
         """Return the patches of a map."""
-        return cls(surface.ix, surface.iy, surface.low_end, surface.height, surface.depth > 0)
+        low, vertical = frozen(surface.low_end), frozen(surface.depth > 0)
+        return cls(surface.ix, surface.iy, low, surface.height, vertical)
 
     def take(self, which: Bool) -> Patches:
         """Return the patches that a mask chooses."""
-        columns: list[Any] = [column[which] for column in self]
+        columns: list[Any] = [frozen(column[which]) for column in self]
         return Patches(*columns)
 
 

@@ -92,12 +92,12 @@ def _filled(header: dict[str, Any], data: bytes) -> bytes:
         return (folder / name).read_text(encoding="utf-8")
 
     # No text from the map can close the HTML element that holds the header.
-    told = json.dumps(header, allow_nan=False).replace("<", "\\u003c")
+    header_text = json.dumps(header, allow_nan=False).replace("<", "\\u003c")
     page = part("page.html")
     for mark, content in (
         ("/*STYLE*/", part("page.css")),
         ("/*SCRIPT*/", "\n".join(map(part, SCRIPTS))),
-        ("/*HEADER*/", told),
+        ("/*HEADER*/", header_text),
     ):
         page = page.replace(mark, content)
     before, after = page.split("/*DATA*/")

@@ -164,7 +164,7 @@ class Replay:
         self._stamps: list[int] = []
         self._has_clock = False
         self._positions = [np.empty((0, 3))]
-        self._told = 0
+        self._passed = 0
         self._origin: Float64 | None = None
 
     def follow(self, change: Change) -> None:
@@ -213,9 +213,9 @@ class Replay:
         position = np.concatenate(self._positions)
         self._positions = [position]
         known = np.flatnonzero(np.isfinite(position).all(axis=1))
-        for row in known[known >= self._told]:
+        for row in known[known >= self._passed]:
             self._transform(TF, self._stamps[row], surface.frame_id, CRAFT, position[row])
-        self._told = len(position)
+        self._passed = len(position)
         stamp = stamps[-1]
         self._transform(TF_STATIC, stamp, surface.frame_id, MAP, self._origin)
         self._bag.cloud(PATCHES, stamp, MAP, _records(surface, self._origin))

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.geometry.poses import PoseTrack, identity, in_order, tells_pose, unit
+from mlscli.geometry.poses import PoseTrack, are_poses, identity, in_order, unit
 from mlscli.io.clouds import columns as lines
 from mlscli.runtime.arrays import Float64
 
@@ -124,18 +124,18 @@ def _trajectory(path: Path, rows: Float64) -> Trajectory:
     """Return the trajectory of rows, float64 (N, 4) or (N, 8)."""
     stamps, positions = rows[:, 0], rows[:, 1:4]
     attitudes = rows[:, 4:] if rows.shape[1] == 8 else np.ones((len(rows), 4))
-    told = np.flatnonzero(tells_pose(stamps, positions, attitudes))
-    if not len(told):
+    known = np.flatnonzero(are_poses(stamps, positions, attitudes))
+    if not len(known):
         raise InputError(f"{path}: holds no poses, each of its {len(rows)} lines has a fault")
     notes = []
-    if len(told) < len(rows):
+    if len(known) < len(rows):
         notes.append(
-            f"{path}: {len(rows) - len(told)} of {len(rows)} lines tell no pose and are left out"
+            f"{path}: {len(rows) - len(known)} of {len(rows)} lines tell no pose and are left out"
         )
-    if np.abs(stamps[told]).max() >= SECONDS_BELOW:
+    if np.abs(stamps[known]).max() >= SECONDS_BELOW:
         stamps = stamps / 1e9
         notes.append(f"{path}: the time stamps are taken as nanoseconds")
-    order = in_order(stamps, told)
+    order = in_order(stamps, known)
     return Trajectory(
         path,
         stamps[order],

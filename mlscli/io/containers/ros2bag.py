@@ -167,12 +167,12 @@ class Ros2Bag:
         count = sum(channel.count or 0 for channel in set(self._channels.values()))
         if metadata.messages is None or metadata.messages == count:
             return
-        told = f"{METADATA_FILE} declares {metadata.messages:,} messages, the files hold {count:,}"
+        fault = f"{METADATA_FILE} declares {metadata.messages:,} messages, the files hold {count:,}"
         missing = metadata.messages - count - self._found.messages
         if missing > 0:
-            self._found.add(told, messages=missing)
+            self._found.add(fault, messages=missing)
         elif metadata.messages < count:
-            self.notes.append(f"{self.path}: {told}; read all the same")
+            self.notes.append(f"{self.path}: {fault}; read all the same")
 
     def _nothing(self) -> str:
         if self._found.reasons:

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mlscli.geometry.poses import tells_pose, unit
+from mlscli.geometry.poses import are_poses, unit
 from mlscli.geometry.transforms import bare
 from mlscli.io.messages.parts import checked, seconds
 from mlscli.io.source import StampedPoses
@@ -95,7 +95,7 @@ def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[Sta
 
 def _poses(rows: list[tuple[float, ...]], parent: str, child: str) -> StampedPoses:
     table = np.array(rows, dtype=np.float64)
-    good = tells_pose(table[:, 0], table[:, 1:4], table[:, 4:])
+    good = are_poses(table[:, 0], table[:, 1:4], table[:, 4:])
     refused = int(np.count_nonzero(~good))
     table = table[good]
     return StampedPoses(table[:, 0], table[:, 1:4], unit(table[:, 4:]), parent, child, refused)

@@ -148,7 +148,7 @@ class TopicSource:
 
         Messages that cannot be read are left out, and reported in `losses` when the pass ends.
         """
-        for topic, poses in self._told(TRANSFORM_TYPES):
+        for topic, poses in self._read_poses(TRANSFORM_TYPES):
             yield poses, topic.rpartition("/")[2] == "tf_static"
 
     def poses(self, topic: str) -> Iterator[StampedPoses]:
@@ -165,7 +165,7 @@ class TopicSource:
                 f"{self.path}: `pose_topic` {topic}: {named[0].type} tells no poses; can be used: "
                 f"{', '.join(POSE_TYPES)}"
             )
-        yield from (poses for _, poses in self._told(POSE_TYPES, topic))
+        yield from (poses for _, poses in self._read_poses(POSE_TYPES, topic))
 
     # --- messages ---
 
@@ -188,7 +188,7 @@ class TopicSource:
     def _decode(self, message: Message) -> list[CloudPart]:
         return CLOUD_TYPES[message.channel.type](self._deserializer.read(message))
 
-    def _told(
+    def _read_poses(
         self,
         types: Mapping[str, Callable[[Any], list[StampedPoses]]],
         topic: str | None = None,
@@ -199,11 +199,11 @@ class TopicSource:
         try:
             for message in self._messages(types, topic):
                 try:
-                    told = types[message.channel.type](self._deserializer.read(message))
+                    found = types[message.channel.type](self._deserializer.read(message))
                 except (MalformedMessageError, MalformedCloudError):
                     unreadable[message.channel.topic] += 1
                     continue
-                for poses in told:
+                for poses in found:
                     refused[message.channel.topic] += poses.refused
                     stamps = poses.stamps
                     if self._clock == "log":

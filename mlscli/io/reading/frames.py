@@ -63,20 +63,24 @@ class Track(NamedTuple):
     poses: PoseTrack
 
 
-def told_tree(sources: Sequence[Source]) -> TransformTree:
+def read_tree(sources: Sequence[Source]) -> TransformTree:
     """Return the tree of the transforms of all sources."""
     tree = TransformTree()
     for source in sources:
-        for told, stays in source.transforms():
+        for poses, stays in source.transforms():
             if stays:
-                for translation, rotation in zip(told.translations, told.quaternions, strict=True):
-                    tree.add_static(told.parent, told.child, translation, rotation)
+                for translation, rotation in zip(
+                    poses.translations, poses.quaternions, strict=True
+                ):
+                    tree.add_static(poses.parent, poses.child, translation, rotation)
             else:
-                tree.add(told.parent, told.child, told.stamps, told.translations, told.quaternions)
+                tree.add(
+                    poses.parent, poses.child, poses.stamps, poses.translations, poses.quaternions
+                )
     return tree
 
 
-def told_track(sources: Sequence[Source], topic: str) -> Track:
+def read_track(sources: Sequence[Source], topic: str) -> Track:
     """Return the poses of a topic, over all sources.
 
     Raises
@@ -86,15 +90,15 @@ def told_track(sources: Sequence[Source], topic: str) -> Track:
     InputError
         The topic has poses of several frames, or in several.
     """
-    told = [poses for source in sources for poses in source.poses(topic)]
-    stamps = np.concatenate([np.empty(0), *(poses.stamps for poses in told)])
+    messages = [poses for source in sources for poses in source.poses(topic)]
+    stamps = np.concatenate([np.empty(0), *(poses.stamps for poses in messages)])
     if not len(stamps):
         there = [t.name for source in sources for t in source.topics() if t.poses]
         raise UsageError(
             f"`pose_topic` {topic}: found no poses; topics with poses: {', '.join(there) or 'none'}"
         )
     frames = sorted(
-        {(bare(poses.parent), bare(poses.child)) for poses in told if len(poses.stamps)}
+        {(bare(poses.parent), bare(poses.child)) for poses in messages if len(poses.stamps)}
     )
     if len(frames) > 1:
         found = ", ".join(f"of {child or 'no frame'!r} in {parent!r}" for parent, child in frames)
@@ -103,8 +107,8 @@ def told_track(sources: Sequence[Source], topic: str) -> Track:
         )
     track = PoseTrack(
         stamps,
-        np.concatenate([poses.translations for poses in told]),
-        np.concatenate([poses.quaternions for poses in told]),
+        np.concatenate([poses.translations for poses in messages]),
+        np.concatenate([poses.quaternions for poses in messages]),
     )
     return Track(*frames[0], track)
 
@@ -238,7 +242,7 @@ def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[st
     tree : TransformTree, optional
         The transforms of the source, where they have been read already.
     """
-    tree = told_tree([source]) if tree is None else tree
+    tree = read_tree([source]) if tree is None else tree
     reasons = []
     for topic in source.topics():
         frame = bare(topic.frame)

@@ -104,10 +104,10 @@ class _Beginning:
     def poses(self, topic: str) -> Iterator[Any]:
         return self._while_time(self._source.poses(topic))
 
-    def _while_time(self, told: Iterator[_T]) -> Iterator[_T]:
+    def _while_time(self, poses: Iterator[_T]) -> Iterator[_T]:
         if self._is_first:
             self._glance.begin()
-        for each in told:
+        for each in poses:
             yield each
             if self._glance.is_over:
                 self._glance.poses_cut = True

@@ -25,8 +25,8 @@ from mlscli.io.reading.frames import (
     map_frame,
     mount,
     named,
-    told_track,
-    told_tree,
+    read_track,
+    read_tree,
 )
 from mlscli.io.source import Cloud, Source
 from mlscli.runtime.arrays import Float64
@@ -88,8 +88,8 @@ class Placing:
         UsageError
             An option fits no source.
         """
-        tree, notes = told_tree(sources), list[str]()
-        track = None if asked.pose_topic is None else told_track(sources, asked.pose_topic)
+        tree, notes = read_tree(sources), list[str]()
+        track = None if asked.pose_topic is None else read_track(sources, asked.pose_topic)
         if asked.mounting is not None and track is None:
             notes += mount(tree, asked.mounting, sources)
         frame_id = map_frame(sources, asked.frame, tree, track)
@@ -128,7 +128,7 @@ class Placing:
             if pose is None:
                 return None
             points = apply(pose, points)
-            position, attitude = _told(pose)
+            position, attitude = _components(pose)
         known = position if cloud.has_position else self._position(cloud.stamp)
         return Cloud(points, cloud.stamp, known or position, self.frame_id, attitude)
 
@@ -229,7 +229,7 @@ def _single(poses: Poses) -> Pose | None:
     return poses.pose(0) if poses.known[0] else None
 
 
-def _told(pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+def _components(pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Return the position and the attitude of a pose."""
     x, y, z = pose.translation.tolist()
     qx, qy, qz, qw = pose.rotation.tolist()

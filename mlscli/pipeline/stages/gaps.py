@@ -21,7 +21,7 @@ from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, comparable, in_units, whole_cells
 from mlscli.pipeline.stages.inserted import Inserted
 from mlscli.pipeline.stages.stage import Fault, MapStage
-from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.arrays import Float64, Int32, Int64, frozen
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -164,7 +164,7 @@ def _close_along(
     lines: _Lines, intervals: Intervals, certain: int, allowed: int, tolerance: Tolerance
 ) -> Inserted:
     """Return the patches that close gaps along lines; their `ix` is the line, `iy` the position."""
-    ends = intervals.cells.start, intervals.low, intervals.high
+    ends = intervals.cells.start, frozen(intervals.low), frozen(intervals.high)
 
     def seek(begin: int, end: int) -> Int64:
         pairs: Int64 = _pairs(begin, end, lines, *ends, allowed + 1, tolerance)
