@@ -63,7 +63,7 @@ def map_of(patches: list[Patch], gap_size: float = GAP, cell_size: float = CELL)
         "mean": top - given["depth"] / 2,
         "variance": np.where(measured, given["depth"] ** 2 / 4, np.nan),
         "first_keyframe": np.where(measured, 0, -1).astype(np.int32),
-        "last_keyframe": np.where(measured, given["count"] % KEYFRAMES, -1).astype(np.int32),
+        "last_keyframe": np.where(measured, (given["count"] % KEYFRAMES).astype(np.int32), -1),
     }
     route = np.full((KEYFRAMES, 4), np.nan)
     return SurfaceMap(cell_size, gap_size, THICKNESS, route=route, **given, **statistics)
@@ -86,7 +86,7 @@ def random_map(rng: np.random.Generator, *, fill: float | None = None) -> Surfac
             continue
         level = rng.normal(0, 0.2)
         for _ in range(rng.choice([1, 1, 2, 3])):
-            depth = rng.choice([0, 0, rng.uniform(0.3, 1.5)])
+            depth = float(rng.choice([0, 0, rng.uniform(0.3, 1.5)]))
             level += depth + rng.choice([0.1, 0.8])
             if coarse:
                 depth, level = np.round(depth * 4) / 4, np.round(level * 4) / 4

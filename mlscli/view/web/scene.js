@@ -114,8 +114,8 @@ class Scene {
     const { gl } = this;
     for (const [name, { colour, patch }] of Object.entries(this.map.vertices)) {
       if (!patch) continue;
-      const shown = colours ? colour.slice() : colour;
-      for (let i = 0; colours && i < patch.length; i++) {
+      const shown = colours ? colour.slice() : colour, painted = colours ? patch.length : 0;
+      for (let i = 0; i < painted; i++) {
         const from = 3 * patch[i], to = 3 * i;
         if (from < 0) continue;
         for (let channel = 0; channel < 3; channel++) shown[to + channel] = colours[from + channel];
