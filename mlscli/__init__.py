@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from mlscli.io.writing.npz import read_map, write_map
     from mlscli.io.writing.obj import write_obj
     from mlscli.io.writing.ply import write_ply
+    from mlscli.maps.grid import Grid
+    from mlscli.maps.merging import merge_maps
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.mesh import build_mesh
     from mlscli.pipeline.parameters import Parameters
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from mlscli.view.replay import open_replay, write_replay
 
 __all__ = [
+    "Grid",
     "MapBuilder",
     "MlsError",
     "Parameters",
@@ -35,6 +38,7 @@ __all__ = [
     "build_map",
     "build_mesh",
     "load_parameters",
+    "merge_maps",
     "open_recording",
     "open_replay",
     "read_map",
@@ -47,12 +51,14 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Grid": ("mlscli.maps.grid", "Grid"),
     "MapBuilder": ("mlscli.building.builder", "MapBuilder"),
     "Parameters": ("mlscli.config", "Parameters"),
     "SurfaceMap": ("mlscli.maps.surface_map", "SurfaceMap"),
     "build_map": ("mlscli.building.build", "build_map"),
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
+    "merge_maps": ("mlscli.maps.merging", "merge_maps"),
     "open_recording": ("mlscli.io.reading.recording", "open_recording"),
     "open_replay": ("mlscli.view.replay", "open_replay"),
     "read_map": ("mlscli.io.writing.npz", "read_map"),

@@ -1,8 +1,8 @@
-"""The command line: commands that load when they are called, and what an error ends in.
+"""The command line: commands that are imported when they are called, errors, exit statuses.
 
-This is the only place that exits. Errors are a line each on standard error, and the exit status
-says what kind they are: 1 the work failed, 2 wrong usage or configuration, 3 done but for input
-that could not be read, 130 and 143 interrupted.
+This is the only place that exits. Errors are a line each on standard error. Exit statuses: 0 done,
+1 the work failed, 2 wrong usage or configuration, 3 done, but part of the input could not be read,
+130 and 143 interrupted.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mlscli.runtime.interrupts import when_safe
 from mlscli.runtime.notices import hear
 from mlscli.version import __version__
 
-# Name to module and to a line of help, so that the help of the group loads none of them.
+# Name to module and to a line of help, so that the help of the group imports no command.
 COMMANDS = {
     "build": ("mlscli.commands.build", "Build a map from a recording."),
     "export": ("mlscli.commands.export", "Write a map as a mesh."),
@@ -43,7 +43,7 @@ COMMANDS = {
 
 
 class Stopped(BaseException):
-    """A signal asks the program to stop; unwinding removes what is unfinished."""
+    """A signal asks the program to stop; unwinding removes unfinished outputs."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -58,7 +58,7 @@ class LazyGroup(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """Import a command."""
+        """Import a command; None for an unknown name."""
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = import_module(COMMANDS[cmd_name][0]).command
@@ -81,7 +81,15 @@ class LazyGroup(click.Group):
 
 @dataclass
 class Run:
-    """What holds for the whole run."""
+    """The state of one run of the program.
+
+    Attributes
+    ----------
+    debug : bool
+        Whether errors are printed with a traceback.
+    stopped : Stopped or None
+        The signal that has stopped the run.
+    """
 
     debug: bool = False
     stopped: Stopped | None = None
@@ -102,20 +110,20 @@ def main() -> NoReturn:
     """Run the command line and exit."""
     run = Run()
     for number in (signal.SIGINT, signal.SIGTERM):
-        # Where it is ignored, as under nohup, it stays so.
+        # A signal that is ignored, as under nohup, stays ignored.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, partial(_stop, run))
     hear(_say)
     try:
         status = _status(run)
     except BaseException as error:
-        # Where a signal broke in, its exception may have become another.
+        # `Stopped` may have become another exception on its way here.
         status = _report(run.stopped or error, run)
     sys.exit(status)
 
 
 def _stop(run: Run, number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-    # A second signal must not interrupt the clearing up.
+    # A second signal must not interrupt the cleanup.
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, signal.SIG_IGN)
     stopped = run.stopped = Stopped(number)
@@ -135,20 +143,20 @@ def _status(run: Run) -> int:
 
 
 def _say(notice: str) -> None:
-    # On a terminal a progress bar may stand in the line.
+    # On a terminal, the line is cleared first: it may hold a progress bar.
     click.echo(f"\r\x1b[Kmls: {notice}" if sys.stderr.isatty() else f"mls: {notice}", err=True)
 
 
 def _report(error: BaseException, run: Run) -> int:
-    """Say what went wrong and return the exit status."""
+    """Print what went wrong and return the exit status."""
     if isinstance(error, SystemExit | OSError):
-        # What standard output does not take goes nowhere, without a complaint at the end.
+        # What is left for standard output is discarded, so that flushing it at exit cannot fail.
         with suppress(OSError, ValueError, AttributeError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else 1
     if isinstance(error, BrokenPipeError):
-        # Nobody reads on, as in a pipe to `head`.
+        # The reader has stopped, as `head` does.
         return 1
     lines, status = _explain(error)
     with suppress(OSError):
@@ -160,7 +168,7 @@ def _report(error: BaseException, run: Run) -> int:
 
 
 def _explain(error: BaseException) -> tuple[list[str], int]:
-    """Return the lines to print, to follow the program's name, and the exit status."""
+    """Return the lines to print after the program's name, and the exit status."""
     match error:
         case ConfigError():
             return [f": {with_options(fault)}" for fault in error.faults], error.exit_status
@@ -188,5 +196,5 @@ def _explain(error: BaseException) -> tuple[list[str], int]:
 
 
 def _printable(text: str) -> str:
-    """Keep a message to one line, and names in it from steering the terminal."""
+    """Escape what would break the line of a message or control the terminal."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

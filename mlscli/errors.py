@@ -1,9 +1,9 @@
-"""What can go wrong, as exceptions whose message is the line the user reads.
+"""What can go wrong, as exceptions whose message is the line that the user reads.
 
-A message names the file, topic or key, what was found, and what would be right. A file that
-is missing, unreadable, broken or in the way ends with exit status 1; words that were typed
-wrong, in options or in a configuration, with 2. Arguments of functions stand in backquotes, as in
-docstrings: `time_source`; on the command line they are options, --time-source.
+A message names the file, topic or key, what was found, and what would be right. A file that is
+missing, unreadable, broken or in the way ends the program with exit status 1; wrong usage or
+configuration with 2. Arguments of functions stand in backquotes, as in docstrings: `time_source`;
+on the command line they are options, --time-source.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class OutputError(MlsError):
 
 
 class ClusterError(MlsError):
-    """A cluster of machines cannot be reached, or not do what it should."""
+    """A cluster of machines cannot be reached, or fails."""
 
 
 class UsageError(MlsError):
@@ -41,7 +41,7 @@ class ConfigError(UsageError):
 
     Parameters
     ----------
-    faults
+    faults : sequence of str
         One line for each fault, each with its place (``file:line:column: ...``).
     """
 
@@ -60,7 +60,7 @@ def with_options(message: str) -> str:
     Parameters
     ----------
     message : str
-        Of an error, or a note.
+        The message of an error or a note.
     """
     return _ARGUMENT.sub(
         lambda found: _OPTIONS.get(found[1], f"--{found[1].rstrip('_').replace('_', '-')}"), message
@@ -68,33 +68,35 @@ def with_options(message: str) -> str:
 
 
 def expect(value: object, kinds: type | tuple[type, ...], argument: str, expected: str) -> None:
-    """Refuse an argument of another type.
+    """Refuse an argument of a wrong type.
 
     Parameters
     ----------
     value : object
+        The value of the argument.
     kinds : type or tuple of types
-        Those allowed.
+        The types allowed.
     argument : str
-        What the caller calls it.
+        The name of the argument.
     expected : str
         What would be right, in words.
 
     Raises
     ------
     TypeError
+        Where the value is of none of these types.
     """
     if not isinstance(value, kinds):
         raise TypeError(f"`{argument}`: found {type(value).__name__}; expected {expected}")
 
 
 def one_line(words: object) -> str:
-    """Return words, as a library's error or names that a file holds, as a line not too long."""
+    """Return text, such as a library's error, as one line of at most 400 characters."""
     return " ".join(str(words).split())[:400].rstrip(".")
 
 
 def shorten(text: str, width: int = 60) -> str:
-    """Cut a text that is too long for a message."""
+    """Cut a text that is longer than `width` characters."""
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 

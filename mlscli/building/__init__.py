@@ -1,1 +1,1 @@
-"""From recordings to maps: batches, the size of cells, one pass or many, in memory or on disk."""
+"""From recordings to maps: batches, the size of cells, maps in memory and on disk."""

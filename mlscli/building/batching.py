@@ -18,21 +18,21 @@ BEYOND_GRID = "cell index beyond int32"
 
 
 class BatchGatherer:
-    """Gathers keyframes until there are points enough for a batch.
+    """Gathers keyframes until there are enough points for a batch.
 
     Parameters
     ----------
     min_points : int
-        A batch has at least so many, but for one that is closed before.
+        How many points are enough.
     cell_size : float
-        In the unit of the recording.
+        Side of a cell, in the unit of the recording.
     report : Report
-        Counts what is read, what is dropped, and batches.
+        Receives the numbers of points read and dropped, and of batches.
 
     Attributes
     ----------
     keyframes : int
-        How many are in batches.
+        Number of keyframes in batches.
     """
 
     def __init__(self, min_points: int, cell_size: float, report: Report) -> None:
@@ -55,11 +55,11 @@ class BatchGatherer:
 
     @property
     def has_waiting(self) -> bool:
-        """Whether there are keyframes in no batch."""
+        """Whether keyframes wait for a batch."""
         return bool(self._waiting)
 
     def close(self) -> int:
-        """Make a batch of the keyframes that wait, and return how many points it has."""
+        """Make a batch of the waiting keyframes, and return how many points it has."""
         points, route = gather(self._waiting, self.keyframes)
         self.keyframes += len(self._waiting)
         self._waiting, self._waiting_points = [], 0
@@ -78,13 +78,13 @@ class BatchGatherer:
         return bool(self._batches)
 
     def take_points(self) -> Points:
-        """Return the points of all batches since the last call; they are not kept here."""
+        """Return the points of all batches since the last call, and keep none of them."""
         if len(self._batches) == 1:
             return self._batches.pop()
         size = sum(batch.size for batch in self._batches)
         points = Points(np.empty((size, 3)), np.empty(size, dtype=np.int32))
         while self._batches:
-            # From behind, each let go when it is copied: no more is held twice.
+            # From the last: each batch is freed once it is copied, and at most one is held twice.
             batch = self._batches.pop()
             points.xyz[size - batch.size : size] = batch.xyz
             points.keyframe[size - batch.size : size] = batch.keyframe
@@ -99,5 +99,5 @@ class BatchGatherer:
 
     @property
     def route(self) -> Float64:
-        """The route of all batches, float64 (K, 4): time, x, y, z of the craft."""
+        """The route of all batches, float64 (K, 4), as in `SurfaceMap`."""
         return np.concatenate([np.empty((0, 4)), *self._routes])

@@ -1,4 +1,4 @@
-"""From a recording to its map: the keyframes are read, the size of cells found, a builder fed."""
+"""From a recording to its map: keyframes are read and given to a builder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,15 @@ from mlscli.runtime.arrays import Array
 
 
 class Build(NamedTuple):
-    """A map and the account of how it was made."""
+    """A map and the report of how it was made.
+
+    Attributes
+    ----------
+    surface : SurfaceMap
+        The map, with its route and meta.
+    report : Report
+        What became of the points, and where the time went.
+    """
 
     surface: SurfaceMap
     report: Report
@@ -45,26 +53,25 @@ def build(
     source : Recording, path, or array (N, 3)
         From `mlscli.open_recording`, which has options; a path or points are opened without any.
     parameters : Parameters, optional
-        The defaults where none are given.
+        By default ``Parameters()``.
     progress : callable, optional
-        Called with what is being done, how much is done, and how much there is, or None.
+        Called with what is being done, how much is done, and how much there is (None: not known).
     follow : callable, optional
         Called after every batch with the `Change` that it made, as for `MapBuilder`.
     jobs : int, optional
-        Evaluate the map in tiles, in so many threads; it is the same.
+        Number of threads in which the map is evaluated tile by tile; the map is the same.
     scheduler : str or Cluster, optional
-        Hand the tiles to the Dask cluster whose scheduler has this address, or to one of Dask's
-        own: ``local``. The map is the same.
+        Evaluate the map tile by tile on a Dask cluster: the address of its scheduler,
+        ``tcp://host:port``, or ``local`` for a cluster on this machine. The map is the same.
 
     Returns
     -------
     Build
-        The map, and the account of how it was made.
 
     Raises
     ------
     TypeError
-        It is none of these.
+        Where `source` is none of these.
     MlsError
         Where the recording cannot be read, the parameters do not go together, or nothing is left.
     """
@@ -73,7 +80,7 @@ def build(
     followed = "" if follow is None else "`follow`"
     check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, followed)
     if isinstance(scheduler, str):
-        # Whether it answers shows before anything is read.
+        # If nothing answers there, that shows before anything is read.
         with connected(scheduler) as cluster:
             return build(source, parameters, progress, follow, jobs, cluster)
     recording = _opened(source)
@@ -83,7 +90,7 @@ def build(
         # The size comes from the whole recording, before the first batch.
         keyframes = deque(read(recording, reading, progress))
         parameters = parameters.with_cell_size(_cell_size_of(keyframes, reading, progress))
-        # Let go as they are taken.
+        # Each keyframe is freed once it is taken.
         held = (keyframes.popleft() for _ in range(len(keyframes)))
     builder = MapBuilder(
         parameters,
@@ -112,7 +119,7 @@ def _opened(source: Recording | str | os.PathLike[str] | Array) -> Recording:
 def _cell_size_of(
     keyframes: Collection[Keyframe], report: Report, progress: Progress | None
 ) -> float:
-    """Find the size of cells for all points; the time that takes goes to the report."""
+    """Return the cell size for all points, and add the time that this takes to the report."""
     xyz = np.concatenate([keyframe.points for keyframe in keyframes])
     with report.timed("cell size"):
         return auto_cell_size(
@@ -121,11 +128,11 @@ def _cell_size_of(
 
 
 class TakesKeyframes(Protocol):
-    """What makes a map of the keyframes that it is given."""
+    """A builder that makes a map of the keyframes it is given."""
 
     @property
     def report(self) -> Report:
-        """The account of them."""
+        """What became of the points, and where the time went."""
 
     def add(self, keyframe: Keyframe) -> None:
         """Take a keyframe."""
@@ -137,16 +144,27 @@ def feed(
     progress: Progress | None = None,
     held: Iterable[Keyframe] | None = None,
 ) -> None:
-    """Give a builder the keyframes of a recording, unless they are held already."""
+    """Give a builder the keyframes of a recording.
+
+    Parameters
+    ----------
+    builder : TakesKeyframes
+        Its report receives what the recording has read and dropped, too.
+    recording : Recording
+    progress : callable, optional
+        As for `build`.
+    held : iterable of Keyframe, optional
+        The keyframes, where they have been read already.
+    """
     for keyframe in read(recording, builder.report, progress) if held is None else held:
         builder.add(keyframe)
-    # The recording has dropped points, too, which the builder never saw.
+    # The recording has dropped points that the builder never saw.
     builder.report.points_read = recording.tally.points_read
     builder.report.dropped.update(recording.tally.dropped)
 
 
 def read(recording: Recording, report: Report, progress: Progress | None) -> Iterator[Keyframe]:
-    """Read the keyframes of a recording; the time that takes goes to the report."""
+    """Yield the keyframes of a recording, and add the time to read them to the report."""
     keyframes = recording.keyframes()
     done = 0
     while True:
@@ -161,7 +179,7 @@ def read(recording: Recording, report: Report, progress: Progress | None) -> Ite
 
 
 def emptied(recording: Recording, report: Report) -> str:
-    """Say why a recording that holds points gives a map without patches."""
+    """Return the message that says why a recording gives a map without patches."""
     reasons = ", ".join(f"{count:,} ({reason})" for reason, count in report.dropped.items())
     return (
         f"{', '.join(recording.sources)}: no point is left to map: of {report.points_read:,} read, "
@@ -177,7 +195,7 @@ def build_map(
     jobs: int | None = None,
     scheduler: str | Cluster | None = None,
 ) -> SurfaceMap:
-    """Build the map of a recording, a path or points; as `build`, without the account.
+    """Build the map of a recording; as `build`, without the report.
 
     Parameters
     ----------
@@ -187,6 +205,11 @@ def build_map(
     Returns
     -------
     SurfaceMap
+
+    Raises
+    ------
+    TypeError, MlsError
+        As for `build`.
 
     Examples
     --------

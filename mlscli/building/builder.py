@@ -1,8 +1,7 @@
 """From keyframes to a map: batches, the two modes, and an account of every point.
 
-Whether the map is brought up to date after every batch or once in the end makes no difference to
-a consistent map; a sequential one, the thesis's (section 4.1, steps 1 to 7), is made of its
-batches.
+A consistent map is the same whether it is brought up to date after every batch or once at the end.
+A sequential map (thesis, section 4.1, steps 1 to 7) depends on its batches.
 """
 
 from __future__ import annotations
@@ -35,37 +34,42 @@ Follower = Callable[[Change], None]
 class MapBuilder:
     """A map that grows with the keyframes it is given.
 
-    In the consistent mode it is brought up to date when someone looks: after every batch where
-    there is a follower, after `process_cloud`, when `surface` is read, and in the end. What it
-    says does not depend on when.
+    In the consistent mode it is brought up to date only when needed: after every batch if `follow`
+    is given, in `process_cloud`, when `surface` is read, and at the end. The map does not depend
+    on when.
 
     Parameters
     ----------
     parameters : Parameters
-        With a number for `cell_size`: it must be settled before the first batch.
+        With a number for `cell_size`.
     frame_id : str
         Name of the map frame.
     sources : sequence of str
-        What the map's meta names as its sources.
+        The sources, for the map's meta.
     reading : mapping, optional
-        What it says of how they were read.
+        The options with which they were read, for the map's meta.
     progress : callable, optional
         As for `build`.
     follow : callable, optional
         Called after every batch with the `Change` that it made: patches removed, patches added,
-        and the keyframes that the route gained.
-        `finish` makes no more changes that it tells, only what the stages do that need the whole
-        map.
+        and the rows that the route gained. What the final stages change is not reported.
     jobs : int, optional
-        Evaluate the map in tiles, in so many threads, where it is made in one pass in the end.
+        Number of threads in which `finish` evaluates the map tile by tile, if in one pass.
     cluster : Cluster, optional
-        Hand the tiles to this cluster instead.
+        Evaluate the tiles on this cluster instead.
+
+    Attributes
+    ----------
+    parameters : Parameters
+    report : Report
+        What became of the points so far, and where the time went.
 
     Raises
     ------
     UsageError
-        Where `cell_size` is ``auto``; where `jobs` or `cluster` would have nothing to do; where
-        points are given once the map is finished.
+        Where `cell_size` is ``auto``, or `jobs` or `cluster` would have nothing to do.
+    ConfigError
+        Where a value is out of range, or two contradict each other.
 
     Examples
     --------
@@ -105,19 +109,36 @@ class MapBuilder:
         self._finished: SurfaceMap | None = None
 
     def add(self, keyframe: Keyframe) -> None:
-        """Take a keyframe; a batch is processed once it has `batch.min_points` points."""
+        """Take a keyframe; a batch is processed once it has `batch.min_points` points.
+
+        Raises
+        ------
+        UsageError
+            Where the map is finished.
+        """
         self._require_unfinished()
         if self._gatherer.add(keyframe):
             self._process_waiting()
 
     def process_cloud(self, points: Float64) -> Change:
-        """Take points (N, 3) as one keyframe and, with those that wait, as a batch.
+        """Process points as one keyframe, in a batch with the keyframes that wait.
+
+        Parameters
+        ----------
+        points : float64 (N, 3)
+            Coordinates in the map frame; points that are not finite are dropped.
 
         Returns
         -------
         Change
-            What came and went since the map was last brought up to date.
+            What has changed since the map was last brought up to date.
+
+        Raises
+        ------
+        UsageError
+            Where the map is finished.
         """
+        self._require_unfinished()
         cloud = np.asarray(points, dtype=np.float64).reshape(-1, 3) + 0.0
         finite = np.isfinite(cloud)
         if not finite.all():
@@ -125,25 +146,24 @@ class MapBuilder:
             self.report.points_read += int(np.count_nonzero(~rows))
             self.report.drop("not finite", int(np.count_nonzero(~rows)))
             cloud = cloud[rows]
-        self._require_unfinished()
         self._gatherer.add(Keyframe(cloud))
         self._gatherer.close()
         return self._grow()
 
     @property
     def surface(self) -> SurfaceMap:
-        """The map of the batches so far, without what is done only in the end.
+        """The map of the batches so far, before the final stages; in the end the finished map.
 
-        Keyframes that wait for more points are not in it. Once the map is finished, it is that.
+        Keyframes that wait for a batch are not in it.
         """
         if self._finished is not None:
             return self._finished
         return self._described(self._up_to_date())
 
     def finish(self) -> SurfaceMap:
-        """Process what waits, run the stages that need the whole map, and return the map.
+        """Process the keyframes that wait, run the final stages, and return the map.
 
-        It takes no more points then, for it may have let go of those that it had.
+        No points can be added afterwards, as the builder may not have kept those before.
         """
         if self._finished is None:
             if self._gatherer.has_waiting:
@@ -176,11 +196,11 @@ class MapBuilder:
         return change
 
     def _at_once(self) -> SurfaceMap:
-        """Return the map that one pass makes of all points, by those who are to make it."""
+        """Return the map of all points in one pass, by the workers if there are any."""
         pipeline, progress = self._pipeline, self._progress
         if self._workers is not None:
             return map_in_tiles(pipeline, self._gatherer.take_points(), self._workers, progress)
-        # Nothing here keeps the points: they are let go as soon as they are filtered.
+        # No variable keeps the points: they are freed as soon as they are filtered.
         measured = pipeline.filter_and_group(self._gatherer.take_points(), progress)
         return pipeline.run_map_stages(measured, progress)
 
@@ -195,7 +215,7 @@ class MapBuilder:
         return self._growing
 
     def _described(self, surface: SurfaceMap) -> SurfaceMap:
-        """Return the map with the route, and with what its meta says of it."""
+        """Return the map with its route and meta."""
         meta = map_meta(
             self.parameters, self.report, self._sources, self._reading, self._gatherer.keyframes,
             points_in(surface),
@@ -204,10 +224,10 @@ class MapBuilder:
 
 
 def growing_map(pipeline: Pipeline) -> GrowingMap:
-    """Return a map that is to grow, the kernels loaded: no batch's time should be theirs."""
+    """Return an empty growing map, its kernels loaded: no batch is charged with that time."""
     kind = SequentialMap if pipeline.parameters.mode == "sequential" else ConsistentMap
     trial = pipeline.reporting_to(Report())
-    # Two points: a column of one is laid out otherwise, for which kernels would be made anew.
+    # Two points: arrays of one have another layout, for which kernels would be compiled anew.
     kind(trial).grow(gather([Keyframe(np.zeros((2, 3)))]).points)
     return kind(pipeline)
 
@@ -220,7 +240,7 @@ def map_meta(
     keyframes: int,
     kept: int,
 ) -> dict[str, Any]:
-    """Return what a map's meta says of how it was made, ready for JSON.
+    """Return the meta of a map, how it was made, ready for JSON.
 
     Parameters
     ----------
@@ -229,8 +249,9 @@ def map_meta(
         Of the finished build.
     sources : sequence of str
     reading : mapping
-        How the sources were read.
+        The options with which the sources were read.
     keyframes : int
+        Rows of the route.
     kept : int
         Measured points in the map.
     """
@@ -250,19 +271,21 @@ def map_meta(
 
 
 def check_workers(parameters: Parameters, workers: Mapping[str, object], followed: str) -> None:
-    """Refuse workers who would have nothing to do: others do it, or the map grows batch by batch.
+    """Refuse workers that would have nothing to do: others do it, or the map grows batch by batch.
 
     Parameters
     ----------
     parameters : Parameters
-    workers : mapping
-        By their arguments' names, of which only one can do the work; None: not asked for.
+    workers : mapping of str to object
+        The workers asked for, by argument; None: not asked for. Only one can do the work.
     followed : str
-        What the user calls that for which the map grows; empty: nothing.
+        The argument for which the map must grow batch by batch, in the words of the error; empty:
+        there is none.
 
     Raises
     ------
     UsageError
+        Where workers are asked for that would have nothing to do.
     """
     names = [name for name, asked_for in workers.items() if asked_for is not None]
     for name in names:

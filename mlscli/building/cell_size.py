@@ -1,4 +1,4 @@
-"""`cell_size: auto`: how large the cells should be for a cloud."""
+"""`cell_size: auto`: the size of cells that suits a cloud."""
 
 from __future__ import annotations
 
@@ -17,14 +17,19 @@ def auto_cell_size(xyz: Float64, progress: Callable[[int], None] | None = None) 
     """Return twice the median 3D distance of a point to its fourth nearest neighbour.
 
     Neither the order of the points nor the grid's symmetries change it, and outliers hardly
-    move it. It has two significant digits.
+    move it.
 
     Parameters
     ----------
     xyz : float64 (N, 3)
         All points of the recording, before any filter.
     progress : callable, optional
-        Called with how many of them are done, now and then.
+        Called with the number of points done, now and then.
+
+    Returns
+    -------
+    float
+        In the unit of the recording, rounded to two significant digits.
 
     Raises
     ------
@@ -41,8 +46,8 @@ def auto_cell_size(xyz: Float64, progress: Callable[[int], None] | None = None) 
     tree = cKDTree(xyz)
 
     def nearest(begin: int, end: int) -> Float64:
-        # In the order of the tree, points of a range lie together: that halves the time. Threads
-        # of scipy's own would outlive an interrupt.
+        # In the order of the tree, the points of a range lie close together: that halves the time.
+        # scipy's own threads would outlive an interrupt.
         distances, _ = tree.query(xyz[tree.indices[begin:end]], k=[NEIGHBOUR + 1])
         return np.asarray(distances)
 

@@ -1,8 +1,8 @@
 """Maps of clouds that are larger than memory.
 
 The keyframes are read once, and their points sorted into blocks of cells on disk, as many at a
-time as memory holds. Then the map is evaluated tile by tile, the tiles put on disk too, and in the
-end put together in the file's order, band by band.
+time as memory holds. Then the map is evaluated tile by tile, and the tiles are stored on disk, too.
+Finally they are joined in the file's order, band by band.
 """
 
 from __future__ import annotations
@@ -49,16 +49,23 @@ from mlscli.runtime.threads import processors
 if TYPE_CHECKING:
     from mlscli.io.reading.recording import Recording
 
-# Bytes of memory that it takes at most to sort a point, to know where the points of a block lie, to
-# put a patch in order, and to run the stages that need the whole map on a patch.
+# Bytes of memory, at most, for sorting a point, for knowing where the points of a block lie, for
+# putting a patch in order, and for running the final stages on a patch.
 SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
 
-# Bytes with which work can be done at all, besides those of the program itself.
+# The least bytes of memory to work with, besides those of the program itself.
 LEAST_BYTES = 32 * 2**20
 
 
 class LargeBuild(NamedTuple):
-    """A map on disk and the account of how it was made."""
+    """A map on disk and the report of how it was made.
+
+    Attributes
+    ----------
+    surface : StoredMap
+    report : Report
+        What became of the points, and where the time went.
+    """
 
     surface: StoredMap
     report: Report
@@ -75,7 +82,7 @@ def build_large(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> Iterator[LargeBuild]:
-    """Build the map of a recording within so much memory; it lasts as long as the context.
+    """Build the map of a recording within limited memory; the map lasts as long as the context.
 
     Parameters
     ----------
@@ -83,25 +90,29 @@ def build_large(
     parameters : Parameters
         With a number for `cell_size`, in the consistent mode.
     memory : int
-        Bytes that the program may take, what it has taken before and the messages that are being
-        read among them.
+        Bytes that the program may take in all: those it has taken before, and those of the
+        messages being read, count.
     scratch : path, optional
-        The folder for what does not fit; the system's place where none is given.
+        The folder for what does not fit; by default the system's for temporary files.
     jobs : int, optional
-        Threads; as many as there are processors where nothing is said.
+        Number of threads; by default one for each processor.
     scheduler : str, optional
-        Hand the tiles to the Dask cluster whose scheduler has this address; what its workers take
-        is not counted.
+        Evaluate the tiles on the Dask cluster whose scheduler has this address; the memory of its
+        workers is not counted.
     progress : callable, optional
         As for `build`.
+
+    Yields
+    ------
+    LargeBuild
 
     Raises
     ------
     UsageError
-        The parameters do not go with it, or the memory is too little.
+        Where an argument does not go with limited memory, or the memory is too little.
     OutputError
-        The disk is full.
-    InputError
+        Where there is no room for temporary files.
+    MlsError
         As for `build`.
     """
     refuse_local(scheduler)
@@ -135,8 +146,9 @@ class _LargeMapBuilder:
     recording : Recording
     parameters : Parameters
     memory : int
-        Bytes that the program may take.
+        Bytes that the program may take in all.
     disk : Scratch
+        Receives the points and the map.
     workers : Workers
         Evaluate the tiles.
     progress : callable, optional
@@ -165,19 +177,19 @@ class _LargeMapBuilder:
         )
         self._blocks = PointBlocks(self._pipeline.cell_size, disk.put)
         self._held = 0
-        # What the program takes by itself, its kernels loaded, is no room for points.
+        # The room for points is what the program itself, with its kernels loaded, leaves.
         growing_map(self._pipeline)
         self._room = memory - resident()
         if self._room < LEAST_BYTES:
             raise too_little(memory, memory - self._room + LEAST_BYTES)
 
     def add(self, keyframe: Keyframe) -> None:
-        """Take a keyframe; batches are put on disk once they fill half of the memory."""
+        """Take a keyframe; batches are stored on disk once they fill half of the memory left."""
         if self._gatherer.add(keyframe):
             self._process_waiting()
 
     def finish(self) -> StoredMap:
-        """Process what waits, and return the map of all points."""
+        """Process the keyframes that wait, and return the map of all points."""
         if self._gatherer.has_waiting:
             self._process_waiting()
         self._put_away()
@@ -205,7 +217,7 @@ class _LargeMapBuilder:
             self._put_away()
 
     def _put_away(self) -> None:
-        """Put the points of all batches on disk."""
+        """Store the points of all batches on disk."""
         self._held = 0
         with self.report.timed("sorting"):
             self._blocks.add(self._gatherer.take_points())
@@ -216,11 +228,11 @@ class _LargeMapBuilder:
 
     @property
     def _left(self) -> int:
-        """Bytes that there is room for besides the list of where points lie."""
+        """Bytes of room left besides the lists of where points lie."""
         return self._room - self._blocks.entries * INDEXED
 
     def _tiles(self) -> list[Tile]:
-        """Divide the plane into tiles that memory has room for."""
+        """Divide the plane into tiles that fit into memory."""
         most = self._left // self._workers.memory_per_point
         tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE_POINTS))
         crowd = max(tile.points for tile in tiles)
@@ -233,7 +245,7 @@ class _LargeMapBuilder:
         return tiles
 
     def _finished(self, parts: list[_PatchesByX], bands: Iterator[SurfaceMap]) -> SurfaceMap:
-        """Run the stages that need the whole map, where memory has room for it."""
+        """Run the final stages, which need the whole map, if it fits into memory."""
         pipeline = self._pipeline
         patches = sum(int(part.start[-1]) for part in parts)
         if patches * FINISHED > self._room:
@@ -244,7 +256,17 @@ class _LargeMapBuilder:
 
 
 class _PatchesByX(NamedTuple):
-    """The patches of a tile on disk, in the file's order, and where those of each ix begin."""
+    """The patches of a tile on disk.
+
+    Attributes
+    ----------
+    ix : int32 (C,)
+        The indices ix of the patches, ascending, each once.
+    start : int64 (C + 1,)
+        The patches at ``ix[c]`` are ``patches[start[c]:start[c + 1]]``.
+    patches : Stored
+        Records (see `mlscli.maps.records`), in the file's order.
+    """
 
     ix: Int32
     start: Int64
@@ -262,7 +284,7 @@ class _PatchesByX(NamedTuple):
 
 
 def _bands(parts: list[_PatchesByX], grid: Grid, most: int) -> Iterator[SurfaceMap]:
-    """Yield the map in bands along y, of about so many patches at most, in the file's order."""
+    """Yield the map in the file's order, in bands of whole columns with about `most` patches."""
     ix, places = np.unique(np.concatenate([part.ix for part in parts]), return_inverse=True)
     sizes = np.zeros(len(ix), dtype=np.int64)
     np.add.at(sizes, places, np.concatenate([np.diff(part.start) for part in parts]))
@@ -273,7 +295,7 @@ def _bands(parts: list[_PatchesByX], grid: Grid, most: int) -> Iterator[SurfaceM
 
 
 def too_little(memory: int, least: int, why: str = "") -> UsageError:
-    """Return the error that says how much memory it takes."""
+    """Return the error that `memory` bytes are too few, as it takes `least`; and why."""
     needed = -(-least // 2**20)
     because = f": {why}" if why else ""
     return UsageError(
@@ -282,7 +304,7 @@ def too_little(memory: int, least: int, why: str = "") -> UsageError:
 
 
 def resident() -> int:
-    """Return how many bytes of memory the program takes now; a guess where nothing tells."""
+    """Return how many bytes of memory the program takes now; a guess where there is no /proc."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:

@@ -1,1 +1,1 @@
-"""The map: cells, patches, what maps are put together from, and how they grow."""
+"""The map: its cells and patches, and how maps are stored, merged and changed."""

@@ -1,6 +1,6 @@
-"""Cells of the grid: their indices, packed keys, and sets of them.
+"""Cells of the grid: their indices, packed keys, and sets of cells.
 
-A packed key holds both indices of a cell in 64 bits, so that keys sort as (ix, iy).
+A packed key, uint64, holds both indices of a cell; keys sort as (ix, iy).
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from mlscli.runtime.kernels import inner, kernel
 
 LEAST_INDEX, GREATEST_INDEX = -(2**31), 2**31 - 1
 
-# So many strips are listed without a thought.
+# A widened set of up to this many strips is always listed.
 _FEW_STRIPS = 2**14
 
 
 def cell_indices(coordinates: Float64, cell_size: float) -> Float64:
-    """Return ``floor(coordinate / cell_size)``, as floats: they may lie beyond int32."""
+    """Return ``floor(coordinate / cell_size)``, as float64: it may lie beyond int32."""
     return np.floor(coordinates / cell_size)
 
 
 def on_grid(xyz: Float64, cell_size: float) -> Bool:
-    """Tell which points (N, 3) lie in a cell whose indices int32 can hold."""
+    """Return which points (N, 3) lie in a cell whose indices int32 can hold, bool (N,)."""
     inside: Bool = _on_grid(xyz, cell_size)
     return inside
 
@@ -60,7 +60,7 @@ def cell_of(key: np.uint64) -> tuple[int, int]:
 
 @kernel
 def pack(ix: Array, iy: Array) -> UInt64:
-    """Return the packed keys of cells; `ix` and `iy` are within int32."""
+    """Return the packed keys of cells, uint64 (C,); `ix` and `iy` must be within int32."""
     keys = np.empty(len(ix), dtype=np.uint64)
     for i in range(len(ix)):
         keys[i] = key_of(ix[i], iy[i])
@@ -69,7 +69,7 @@ def pack(ix: Array, iy: Array) -> UInt64:
 
 @kernel
 def unpack(keys: UInt64) -> tuple[Int32, Int32]:
-    """Return the indices (ix, iy) of packed keys."""
+    """Return the cell indices (ix, iy) of packed keys, int32 (C,)."""
     ix, iy = np.empty(len(keys), dtype=np.int32), np.empty(len(keys), dtype=np.int32)
     for i in range(len(keys)):
         ix[i], iy[i] = cell_of(keys[i])
@@ -77,7 +77,13 @@ def unpack(keys: UInt64) -> tuple[Int32, Int32]:
 
 
 class Limits(NamedTuple):
-    """A rectangle of cells by its least and greatest indices, inclusive; None: no limit."""
+    """A rectangle of cells.
+
+    Attributes
+    ----------
+    min_x, max_x, min_y, max_y : int or None
+        The least and the greatest ix and iy, inclusive; None: no limit.
+    """
 
     min_x: int | None = None
     max_x: int | None = None
@@ -94,7 +100,7 @@ class Limits(NamedTuple):
         )
 
     def contain(self, ix: Int32, iy: Int32) -> Bool:
-        """Tell which of the cells lie inside."""
+        """Return which cells lie inside, bool (C,)."""
         inside = np.ones(len(ix), dtype=np.bool_)
         for index, least, greatest in ((ix, self.min_x, self.max_x), (iy, self.min_y, self.max_y)):
             if least is not None:
@@ -106,16 +112,16 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CellSet:
-    """A set of cells: some that are listed, and all within a reach of them.
+    """A set of cells: those listed, and all within a reach of one of them.
 
-    A reach can be as wide as the grid, so that the cells within it are told, not listed.
+    A reach can be as wide as the grid: the cells within it are tested for, not listed.
 
     Attributes
     ----------
     keys : uint64 (C,)
-        Packed keys, ascending, each once.
+        Packed keys of the listed cells, ascending, each once.
     reach : int
-        The set holds all cells so far from one of the keys, in x and in y.
+        How many cells away from a listed one, in x and in y, a cell can be.
     """
 
     keys: UInt64
@@ -132,11 +138,11 @@ class CellSet:
         return cls(_each_once(np.sort(keys)))
 
     def widened(self, reach: int) -> CellSet:
-        """Return the cells within `reach` of one of these, in x and in y."""
+        """Return the set of all cells within `reach` of this one, in x and in y."""
         return CellSet(self.keys, self.reach + reach)
 
     def contains(self, ix: Array, iy: Array) -> Bool:
-        """Tell which of the cells given are in the set; fastest where they ascend."""
+        """Return which cells are in the set, bool (C,); fastest where they ascend."""
         column, position = unpack(self.keys)
         start = runs(column)
         cells = (np.ascontiguousarray(index, dtype=np.int32) for index in (ix, iy))
@@ -144,7 +150,14 @@ class CellSet:
         return inside
 
     def strips(self, most: int) -> Strips | None:
-        """Return the cells of the set by strips; None where there may be far more than `most`."""
+        """Return the set as strips, or None where it may have too many.
+
+        Parameters
+        ----------
+        most : int
+            How many strips are not too many. `_FEW_STRIPS` never are, nor those of a set that is
+            not widened.
+        """
         strips = self._strips
         if self.reach == 0:
             return strips
@@ -155,11 +168,11 @@ class CellSet:
 
     @cached_property
     def _strips(self) -> Strips:
-        """The cells that are listed, by strips."""
+        """The listed cells as strips."""
         return Strips(*strips_of(self.keys))
 
     def strips_among(self, numbers: UInt64) -> Strips:
-        """Return those cells of the set that lie in the strips given, which ascend."""
+        """Return the cells of the set that lie in some strips, given by ascending numbers."""
         cells = numbers[:, None] << np.uint64(STRIP_BITS) | np.arange(STRIP_CELLS, dtype=np.uint64)
         keys = cells.ravel()
         return Strips(*strips_of(keys[self.contains(*unpack(keys))]))
@@ -167,7 +180,7 @@ class CellSet:
 
 @kernel
 def _each_once(keys: UInt64) -> UInt64:
-    """Return the different ones of ascending keys."""
+    """Return ascending keys, each once."""
     size = 0
     once = np.empty_like(keys)
     for key in keys:
@@ -179,10 +192,20 @@ def _each_once(keys: UInt64) -> UInt64:
 
 @kernel
 def _within(column: Int32, start: Int64, position: Int32, reach: int, ix: Int32, iy: Int32) -> Bool:
-    """Tell which cells are within `reach` of one of a set.
+    """Return which cells are within `reach` of a cell of a set, bool (N,).
 
-    The set has the cells ``(column[c], position[i])``, i from ``start[c]`` to ``start[c + 1]``.
-    Where the cells asked for ascend, the places in its columns only move on.
+    Parameters
+    ----------
+    column : int32 (K,)
+        The ix of the columns in which the set has cells, ascending.
+    start : int64 (K + 1,)
+        The cells of column c are ``position[start[c]:start[c + 1]]``.
+    position : int32 (C,)
+        The iy of the cells of the set, ascending in each column.
+    reach : int
+        In cells, in x and in y.
+    ix, iy : int32 (N,)
+        The cells to look up. Where they ascend, the search only moves forward.
     """
     inside = np.zeros(len(ix), dtype=np.bool_)
     at = start.copy()

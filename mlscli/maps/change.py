@@ -1,4 +1,4 @@
-"""What a batch changes in a growing map: patches that go, patches that come, the route grown."""
+"""What a batch changes in a growing map: patches removed and added, and rows of the route."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from mlscli.runtime.arrays import Array, Float64, UInt64
 class Change:
     """The difference of two states of a map.
 
-    A patch that differs in any column, if only in its count, goes and comes. Maps are made of
-    them where somebody looks.
+    A patch that differs in any column, even if only in its count, is both removed and added. The
+    maps `removed` and `added` are made when they are first read.
 
     Attributes
     ----------
     gone, come : uint64 (N, words)
-        Patches of the state before, and of the state after, as rows of `mlscli.maps.records`.
+        The patches removed and those added, as rows of `mlscli.maps.records`, ascending by cell.
     grid : Grid
+        The grid of both states.
     route : float64 (K, 4)
         The rows that the route gains, as in `SurfaceMap`.
     """
@@ -38,23 +39,23 @@ class Change:
 
     @classmethod
     def of(cls, removed: SurfaceMap, added: SurfaceMap, route: Float64) -> Change:
-        """Return the change that takes some patches away and puts others there."""
+        """Return the change that removes some patches and adds others."""
         return cls(rows_in(records_of(removed)), rows_in(records_of(added)), removed.grid, route)
 
     @classmethod
     def between(cls, before: Array, after: Array, grid: Grid) -> Change:
-        """Return the difference of two states, given as records."""
+        """Return the difference of two states, given as records in the file's order."""
         one, other = rows_in(before), rows_in(after)
         return cls(missing(one, other), missing(other, one), grid)
 
     @cached_property
     def removed(self) -> SurfaceMap:
-        """Patches of the state before; their keyframes number the rows of the whole map's route."""
+        """The patches removed; their keyframes are rows of the whole map's route."""
         return surface_of(records_in(self.gone), self.grid)
 
     @cached_property
     def added(self) -> SurfaceMap:
-        """Patches of the state after."""
+        """The patches added; their keyframes are rows of the whole map's route."""
         return surface_of(records_in(self.come), self.grid)
 
     @property
@@ -64,11 +65,11 @@ class Change:
 
     @property
     def points(self) -> int:
-        """How many more points the patches hold than before."""
+        """How many measured points the map gains; negative where it loses some."""
         return int(counted(records_in(self.come)) - counted(records_in(self.gone)))
 
     def applied_to(self, surface: SurfaceMap) -> SurfaceMap:
-        """Return the state after, given the state before."""
+        """Return the state after, given the state before; the route is not extended."""
         stays = missing(rows_in(records_of(surface)), self.gone)
         return replace(surface, **columns_of(records_in(stays))).union(self.added)
 

@@ -1,4 +1,4 @@
-"""The grid of a map: what is known of it before it holds a patch."""
+"""The grid of a map: all that must be known before it holds a patch."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from mlscli.errors import UsageError
 
 @dataclass(frozen=True)
 class Grid:
-    """The cells that heights fall into, and what makes one patch of the heights in a cell.
+    """The cells of a map, and how the heights in a cell become patches.
+
+    Lengths are in the unit of the recording.
 
     Attributes
     ----------
     cell_size : float
         Side of a cell.
     gap_size : float
-        Heights farther apart are different patches.
+        Successive heights farther apart belong to different patches.
     thickness : float
-        A patch with a greater spread is vertical. All three in the unit of the recording.
+        A patch with a greater spread is vertical.
     frame_id : str
         Name of the map frame.
     """
@@ -29,7 +31,7 @@ class Grid:
     frame_id: str = "map"
 
     def require_same(self, other: Grid) -> None:
-        """Refuse another grid, whatever its frame is called.
+        """Refuse a grid with other lengths; its frame may have another name.
 
         Raises
         ------

@@ -1,8 +1,9 @@
-"""Maps put together: measured groups that touch become one, inserted patches give way.
+"""Merging of maps: measured patches within the gap size become one, inserted ones give way.
 
-Groups merge by [bottom, top], as single linkage over all their points would have it; their
-statistics by the formula of T. F. Chan, G. H. Golub and R. J. LeVeque, *Algorithms for Computing
-the Sample Variance*, The American Statistician 37, 1983 (doi:10.1080/00031305.1983.10483115).
+Measured patches merge by [bottom, top], as single linkage over all their points would have it;
+their statistics are combined by the formula of T. F. Chan, G. H. Golub and R. J. LeVeque,
+*Algorithms for Computing the Sample Variance*, The American Statistician 37, 1983
+(doi:10.1080/00031305.1983.10483115).
 """
 
 from __future__ import annotations
@@ -24,24 +25,27 @@ from mlscli.runtime.kernels import inner, kernel
 
 
 def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
-    """Return the map of both: as if the other's recording had followed the one's.
+    """Merge two maps, as if the recording of `other` had followed that of `one`.
 
-    Measured groups whose [bottom, top] come within `gap_size` become one (statistics by Chan's
-    formula); the others stay as they are. Inserted patches within `gap_size` of what the other
-    map measured go; of two inserted ones that meet, one from each map, the higher stays.
+    Measured patches whose [bottom, top] come within `gap_size` become one (statistics by Chan's
+    formula); all others stay as they are. Inserted patches within `gap_size` of a patch that the
+    other map measured are removed; where inserted patches of both maps come within `gap_size`, the
+    higher stays.
 
     Parameters
     ----------
     one, other : SurfaceMap
-        The frame and the meta of the one are kept. The other's keyframes are numbered on from the
-        one's route; regions are numbered no more (-1).
+        `frame_id` and `meta` are taken from `one`.
 
     Returns
     -------
     SurfaceMap
+        Its route is that of `one`, then that of `other`; no patch has a region (-1).
 
     Raises
     ------
+    TypeError
+        Where an argument is not a map.
     UsageError
         Where cell size, gap size or thickness differ.
     """
@@ -72,9 +76,20 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
 def with_measured(records: Array, new: Array, grid: Grid) -> Array:
     """Add measured patches to those of a growing map (thesis, section 4.1, step 4).
 
-    They merge with measured patches only, undo corrections made to those, and delete inserted
-    patches within `gap_size`. Both are given as records, in the order of maps; keyframes of both
-    count from the same route.
+    They merge with measured patches only, undo the corrections of those they merge with, and
+    remove inserted patches within `gap_size`.
+
+    Parameters
+    ----------
+    records, new : PATCH (P,)
+        The patches of the map, and those to add, as records (see `mlscli.maps.records`) in the
+        file's order. The keyframes of both are rows of the same route.
+    grid : Grid
+
+    Returns
+    -------
+    PATCH (P,)
+        The patches of the grown map, in the file's order.
     """
     added: Array = _added(records, new, grid.gap_size, grid.thickness)
     return added
@@ -82,7 +97,7 @@ def with_measured(records: Array, new: Array, grid: Grid) -> Array:
 
 @kernel
 def _added(records: Any, new: Any, gap_size: float, thickness: float) -> Array:
-    """Return the patches with measured ones added, in the order of maps."""
+    """Return the patches with measured ones added, in the file's order."""
     measured, _, touched = _linked(records, new, gap_size, thickness)
     together = np.empty(len(records) + len(measured), dtype=records.dtype)
     size = i = first = ZERO
@@ -112,7 +127,7 @@ def _added(records: Any, new: Any, gap_size: float, thickness: float) -> Array:
 
 @inner
 def _next_cell(records: Any, i: int, others: Any, j: int) -> Any:
-    """Return the lower of the cells that come next in two lots of patches, of which one may end."""
+    """Return the next cell of two sets of patches, of which at most one has come to its end."""
     if j == len(others) or (i < len(records) and records[i].cell < others[j].cell):
         return records[i].cell
     return others[j].cell
@@ -120,7 +135,7 @@ def _next_cell(records: Any, i: int, others: Any, j: int) -> Any:
 
 @inner
 def _sort_cell(records: Any, begin: int, end: int) -> None:
-    """Sort the patches of a cell as maps have them, by insertion: they are few."""
+    """Put the patches of a cell in the file's order, by insertion sort: they are few."""
     for i in range(begin + 1, end):
         j = i
         while j > begin and _comes_later(records[j - 1], records[j]):
@@ -130,7 +145,7 @@ def _sort_cell(records: Any, begin: int, end: int) -> None:
 
 @inner
 def _comes_later(one: Any, other: Any) -> bool:
-    """Tell whether a patch comes after another of its cell in the order of maps."""
+    """Return whether a patch comes after another of its cell in the file's order."""
     return comes_later(
         one.height, one.depth, one.origin, one["count"],
         other.height, other.depth, other.origin, other["count"],
@@ -149,19 +164,20 @@ def _swap(records: Any, i: int, j: int) -> None:
 def _linked(
     records: Any, others: Any, gap_size: float, thickness: float
 ) -> tuple[Array, Bool, Bool]:
-    """Link the measured ones of two lots of patches by [bottom, top].
+    """Merge the measured patches of two sets by single linkage of [bottom, top].
 
     Returns
     -------
-    linked : Array
-        One that met no other stays as it was, with its correction.
+    linked : PATCH (P,)
+        The merged patches, ascending by cell and bottom. One that met no other keeps its
+        correction.
     from_one, from_other : bool (P,)
-        Which of them hold patches of the one lot, and of the other.
+        Whether each holds a patch of `records`, and one of `others`.
     """
     linked = np.empty(len(records) + len(others), dtype=records.dtype)
     from_one = np.zeros(len(linked), dtype=np.bool_)
     from_other = np.zeros(len(linked), dtype=np.bool_)
-    # The patches of one cell, ascending: those of the first count from 0, the others from there on.
+    # The patches of one cell by lower end: those of `records` are numbered first, then `others`.
     order = np.empty(len(linked), dtype=np.int64)
     size = i = j = ZERO
     while i < len(records) or j < len(others):
@@ -191,13 +207,13 @@ def _linked(
             from_one[size - 1] |= not is_other
             from_other[size - 1] |= is_other
         _shape(linked, size - 1, parts, thickness)
-    # Groups of a cell are disjoint: in this order they are sorted by height, too.
+    # The groups of a cell are disjoint, so this order is also that of their heights.
     return linked[:size], from_one[:size], from_other[:size]
 
 
 @inner
 def _insert(order: Int64, size: int, number: int, records: Any, others: Any) -> int:
-    """Put the number of a patch where its lower end belongs; return how many these are then."""
+    """Insert the number of a patch into `order` by its lower end; return the new size."""
     place = size
     while place > 0 and _lies_below(number, order[place - 1], records, others):
         order[place] = order[place - 1]
@@ -208,9 +224,9 @@ def _insert(order: Int64, size: int, number: int, records: Any, others: Any) -> 
 
 @inner
 def _lies_below(one: int, other: int, records: Any, others: Any) -> bool:
-    """Tell whether a patch is linked before another.
+    """Return whether a patch is linked before another: by bottom, then top, count and mean.
 
-    Ends beyond the lower one keep the order of equal groups from depending on that of the maps.
+    All but the bottom break ties, so that the result does not depend on the order of the maps.
     """
     mine = records[one] if one < len(records) else others[one - len(records)]
     its = records[other] if other < len(records) else others[other - len(records)]
@@ -220,7 +236,7 @@ def _lies_below(one: int, other: int, records: Any, others: Any) -> bool:
 
 @inner
 def _take_in(group: Any, patch: Any) -> None:
-    """Make a group one with a patch that begins no lower (Chan's formula)."""
+    """Merge a patch into a group whose bottom is no higher, by Chan's formula."""
     points, count = float(group["count"]), float(patch["count"])
     total = points + count
     apart = patch.mean - group.mean
@@ -235,7 +251,7 @@ def _take_in(group: Any, patch: Any) -> None:
 
 @inner
 def _shape(groups: Any, number: int, parts: int, thickness: float) -> None:
-    """Give a group of several patches its height and depth; a single one keeps its own."""
+    """Compute height and depth of a group of several patches; a single patch keeps its own."""
     if parts < 2:
         return
     group = groups[number]
@@ -250,20 +266,20 @@ def _inserted(surface: SurfaceMap) -> SurfaceMap:
 
 
 def _apart(inserted: SurfaceMap, measured: SurfaceMap) -> SurfaceMap:
-    """Return the inserted patches that are more than `gap_size` from all measured heights."""
+    """Return the inserted patches farther than `gap_size` from all measured ones of their cell."""
     near = within_gap(
-        *inserted.cells, inserted.low_end, inserted.height,
-        *measured.cells, measured.bottom, measured.top,
+        inserted.cells, inserted.low_end, inserted.height,
+        measured.cells, measured.bottom, measured.top,
         inserted.gap_size,
     )  # fmt: skip
     return inserted.take(~near)
 
 
 def _yield_to_higher(mine: SurfaceMap, others: SurfaceMap, equal: bool = False) -> SurfaceMap:
-    """Return the inserted patches that no higher one of the other map meets.
+    """Return the inserted patches that do not give way to one of the other map.
 
-    Of two at one height, that of the lower origin, then of the greater depth, stays; of two that
-    are the same, the one for which `equal` is False.
+    Of two within `gap_size` of each other the higher stays; at one height, that of the lower
+    origin, then that of the greater depth. Of two equal ones, `mine` gives way if `equal` is True.
     """
     stays = np.ones(mine.size, dtype=np.bool_)
     keys, cells = pack(mine.ix, mine.iy), pack(others.ix, others.iy)

@@ -9,15 +9,15 @@ from mlscli.runtime.kernels import inner, kernel
 
 Index = int | np.int64
 
-# So many lines for each cell are worth a table of them all.
+# Up to this many lines per cell, a table of all lines is worth its memory.
 _DENSE = 4
 
 
 @kernel
 def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
-    """Return for each cell the number of the cell at (ix + dx, iy + dy); -1: none.
+    """Return for each cell the number of the cell at (ix + dx, iy + dy), int64 (C,); -1: none.
 
-    Cells are in order of (ix, iy), and so are the cells sought: one walk over both finds them.
+    Cells ascend by (ix, iy), and so do those looked for: one pass over both finds them.
     """
     found = np.full(len(ix), -1, dtype=np.int64)
     there = 0
@@ -31,14 +31,14 @@ def shifted(ix: Int32, iy: Int32, dx: int, dy: int) -> Int64:
 
 @inner
 def is_at(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> bool:
-    """Tell whether a cell, which may be none, is the one at (x, y)."""
-    # Of four comparisons one by one each would be a branch.
+    """Return whether the cell with a number, which need not exist, is the one at (x, y)."""
+    # Each `and` between comparisons would be a branch.
     return bool((cell >= 0) & (cell < len(ix)) and (ix[cell] == x) & (iy[cell] == y))
 
 
 @inner
 def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
-    """Return the first cell, from one on, that does not come before (x, y); cells may repeat."""
+    """Return the first cell from `cell` on that does not come before (x, y); cells may repeat."""
     while cell < len(ix) and (ix[cell] < x or (ix[cell] == x and iy[cell] < y)):
         cell += 1
     return cell
@@ -46,7 +46,7 @@ def onward(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
 
 @inner
 def sought(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
-    """Return the first cell, from one on or (-1) of all, that does not come before (x, y)."""
+    """Return the first cell that does not come before (x, y), from `cell` on; -1: of all."""
     if cell >= 0:
         return onward(ix, iy, cell, x, y)
     begin, end = 0, len(ix)
@@ -61,7 +61,7 @@ def sought(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
 
 @inner
 def beside(ix: Int32, iy: Int32) -> Int64:
-    """Return for each cell the numbers of the four that share an edge with it, (C, 4); -1: none."""
+    """Return the numbers of the cells at -x, +x, -y, +y of each, int64 (C, 4); -1: none."""
     four = np.empty((len(ix), 4), dtype=np.int64)
     four[:, 0] = shifted(ix, iy, -1, 0)
     four[:, 1] = shifted(ix, iy, 1, 0)
@@ -71,17 +71,17 @@ def beside(ix: Int32, iy: Int32) -> Int64:
 
 
 def links(line: Int32) -> tuple[Int32, Int32]:
-    """Return for each cell the next one of its line and the one before; -1: none.
+    """Return for each cell the next one of its line and the one before, int32 (C,); -1: none.
 
     Parameters
     ----------
     line : int32 (C,)
-        In which line of the grid each cell lies: its `ix` or its `iy`. The cells of a line come in
-        order.
+        The line of the grid in which each cell lies: its `ix` or its `iy`. The cells of a line are
+        in order.
     """
     least, greatest = int(line.min(initial=0)), int(line.max(initial=0))
     if greatest - least > _DENSE * len(line):
-        # Far apart: lines that hold no cell are not counted.
+        # Far apart: only the lines that hold cells are numbered.
         line = np.unique(line, return_inverse=True)[1].astype(np.int32)
         least, greatest = 0, len(line)
     after, before = _links(line, least, greatest - least + 1)
@@ -90,7 +90,7 @@ def links(line: Int32) -> tuple[Int32, Int32]:
 
 @kernel
 def _links(line: Int32, least: int, lines: int) -> tuple[Int32, Int32]:
-    # No cell needs more than 4 bytes for its number but in maps that fill 100 GB.
+    # Only in maps of 100 GB does the number of a cell need more than 4 bytes.
     after, before = np.empty(len(line), dtype=np.int32), np.empty(len(line), dtype=np.int32)
     last = np.full(lines, -1, dtype=np.int32)
     for cell in range(len(line)):

@@ -6,12 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt8, UInt32
+from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt8, UInt32, frozen
 from mlscli.runtime.kernels import inner, kernel
 
 
 class Keys(NamedTuple):
-    """The columns by which patches are sorted: the first that differs decides."""
+    """The columns by which patches are sorted: the first that differs decides.
+
+    Attributes
+    ----------
+    ix, iy : int32 (P,)
+    height, depth : float64 (P,)
+    origin : uint8 (P,)
+        As in `SurfaceMap`.
+    points : uint32 (P,)
+        The column `count` of `SurfaceMap`.
+    """
 
     ix: Int32
     iy: Int32
@@ -29,7 +39,7 @@ class OccupiedCells(NamedTuple):
     ix, iy : int32 (C,)
         Cell indices, ascending by (ix, iy).
     start : int64 (C + 1,)
-        The patches of cell c are ``start[c]`` to ``start[c + 1]``.
+        The patches of cell c lie at ``start[c]:start[c + 1]``.
     """
 
     ix: Int32
@@ -39,7 +49,7 @@ class OccupiedCells(NamedTuple):
     @classmethod
     def of(cls, ix: Int32, iy: Int32) -> OccupiedCells:
         """Return the cells of patches that ascend by (ix, iy)."""
-        start = _starts(ix, iy)
+        start = _starts(frozen(ix), frozen(iy))
         return cls(ix[start[:-1]], iy[start[:-1]], start)
 
 
@@ -55,7 +65,7 @@ def _starts(ix: Int32, iy: Int32) -> Int64:
 
 @kernel
 def ascend(keys: Keys) -> bool:
-    """Tell whether patches are in order."""
+    """Return whether patches are in the file's order."""
     i = 1
     while i < len(keys.ix) and not _later(keys, i - 1, keys, i):
         i += 1
@@ -64,9 +74,9 @@ def ascend(keys: Keys) -> bool:
 
 @kernel
 def come_before(keys: Keys, others: Keys) -> Int64:
-    """Return for each of the others how many come before it, and before its equals.
+    """Return for each of `others` how many of `keys` precede or equal it, int64 (Q,).
 
-    Both are in order.
+    Both are in the file's order.
     """
     before = np.empty(len(others.ix), dtype=np.int64)
     i = 0
@@ -78,20 +88,20 @@ def come_before(keys: Keys, others: Keys) -> Int64:
 
 
 def bare(column: Array) -> Array:
-    """Return the bytes of a column as unsigned numbers: fewer kinds are fewer kernels."""
+    """Return a view of a column as unsigned integers: kernels are compiled for fewer types."""
     return column.view(f"u{column.itemsize}")
 
 
 @kernel
 def pick(column: Array, which: Int64, picked: Array) -> None:
-    """Take the elements at some indices out of a column."""
+    """Copy the elements of a column at some indices into `picked`."""
     for i in range(len(which)):
         picked[i] = column[which[i]]
 
 
 @kernel
 def interleave(column: Array, others: Array, before: Int64, both: Array) -> None:
-    """Put two columns together; ``before[k]`` of the first come before the k-th of the others."""
+    """Merge two columns into `both`; ``before[k]`` of the first precede the k-th of the others."""
     done = 0
     for k in range(len(others)):
         for i in range(done, before[k]):
@@ -104,7 +114,7 @@ def interleave(column: Array, others: Array, before: Int64, both: Array) -> None
 
 @inner
 def _later(keys: Keys, i: int, others: Keys, j: int) -> bool:
-    """Tell whether patch i comes after patch j of the others."""
+    """Return whether patch i comes after patch j of the others."""
     if keys.ix[i] != others.ix[j]:
         return bool(keys.ix[i] > others.ix[j])
     if keys.iy[i] != others.iy[j]:
@@ -120,7 +130,7 @@ def comes_later(
     height: float, depth: float, origin: int, count: int,
     other_height: float, other_depth: float, other_origin: int, other_count: int,
 ) -> bool:  # fmt: skip
-    """Tell whether a patch comes after another of its cell: the first key that differs decides.
+    """Return whether a patch comes after another of its cell: the first key that differs decides.
 
     Parameters
     ----------
@@ -129,7 +139,7 @@ def comes_later(
         Of the patch, as in `SurfaceMap`.
     other_height, other_depth : float
     other_origin, other_count : int
-        Of the other one.
+        Of the other patch.
     """
     if height != other_height:
         return bool(height > other_height)

@@ -1,16 +1,17 @@
-"""What a patch is: its shape from what was measured, and its distance from another."""
+"""Patches: their shape, and their linkage and distance as intervals of height."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mlscli.maps.neighbours import is_at, onward
-from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64
+from mlscli.maps.order import OccupiedCells
+from mlscli.runtime.arrays import Array, Bool, Float64, Int64, frozen
 from mlscli.runtime.kernels import inner, kernel
 
 
 def runs(keys: Array) -> Int64:
-    """Return where runs of equal keys begin, and the end of the last, for sorted keys."""
+    """Return where the runs of equal values in sorted keys begin, and the end of the last."""
     new = np.ones(len(keys), dtype=np.bool_)
     new[1:] = keys[1:] != keys[:-1]
     return np.append(np.flatnonzero(new), len(keys))
@@ -20,10 +21,10 @@ def runs(keys: Array) -> Int64:
 def shape_of(
     top: float, bottom: float, mean: float, variance: float, thickness: float
 ) -> tuple[float, float]:
-    """Return height and depth of a measured patch: it is vertical where it spreads too far.
+    """Return height and depth of a measured patch: vertical if its spread exceeds `thickness`.
 
-    The spread is the extent, or that of a uniform distribution of the same variance where this
-    is less: the bare extent grows with the number of points, so that more data would turn noisy
+    The spread is the extent, or that of a uniform distribution of the same variance if this is
+    less: the extent alone grows with the number of points, so that more data would turn noisy
     floors into walls.
     """
     extent = top - bottom
@@ -36,7 +37,7 @@ def shape_of(
 def shapes_of(
     top: Float64, bottom: Float64, mean: Float64, variance: Float64, thickness: float
 ) -> tuple[Float64, Float64]:
-    """Return heights and depths of measured patches; see `shape_of`."""
+    """Return heights and depths of measured patches, float64 (P,); see `shape_of`."""
     height, depth = np.empty(len(top)), np.empty(len(top))
     for i in range(len(top)):
         height[i], depth[i] = shape_of(top[i], bottom[i], mean[i], variance[i], thickness)
@@ -45,14 +46,14 @@ def shapes_of(
 
 @inner
 def begins_group(low: float, reached: float, gap_size: float) -> bool:
-    """Tell whether an interval begins a new group: single linkage of intervals in one dimension.
+    """Return whether an interval begins a new group in single linkage in one dimension.
 
     Parameters
     ----------
     low : float
-        Its low end; those of a cell are looked at in ascending order.
+        The lower end of the interval; those of a cell are visited in ascending order.
     reached : float
-        The highest end in the group before it.
+        The highest upper end in the group before it.
     gap_size : float
         Intervals farther apart are not linked.
     """
@@ -61,14 +62,16 @@ def begins_group(low: float, reached: float, gap_size: float) -> bool:
 
 @kernel
 def linked(cells: Int64, low: Float64, high: Float64, gap_size: float) -> Int64:
-    """Return where groups of intervals begin, and the end of the last; see `begins_group`.
+    """Return where groups of intervals begin, and the end of the last, int64 (G + 1,).
+
+    See `begins_group`.
 
     Parameters
     ----------
     cells : int64 (C + 1,)
         Where the intervals of each cell begin, and the end of the last.
     low, high : float64 (P,)
-        Ends of the intervals, the low ones ascending in each cell.
+        Lower and upper ends of the intervals; the lower ones ascend in each cell.
     gap_size : float
         Intervals farther apart are not linked.
     """
@@ -93,32 +96,65 @@ def distance(low: float, high: float, other_low: float, other_high: float) -> fl
     return max(0.0, max(low - other_high, other_low - high))
 
 
-@kernel
 def within_gap(
-    ix: Int32,
-    iy: Int32,
-    start: Int64,
+    cells: OccupiedCells,
     low: Float64,
     high: Float64,
-    other_ix: Int32,
-    other_iy: Int32,
-    other_start: Int64,
+    others: OccupiedCells,
     other_low: Float64,
     other_high: Float64,
     gap_size: float,
 ) -> Bool:
-    """Tell which intervals in cells are within `gap_size` of one of the others in their cell.
+    """Return which intervals are within `gap_size` of one of the others in the same cell.
 
-    Of both, the cells are given as `mlscli.maps.order.OccupiedCells`.
+    Parameters
+    ----------
+    cells : OccupiedCells
+        Where the intervals are.
+    low, high : float64 (P,)
+        Their lower and upper ends.
+    others : OccupiedCells
+        Where the others are.
+    other_low, other_high : float64 (Q,)
+        Their lower and upper ends.
+    gap_size : float
+        The greatest distance, inclusive.
+
+    Returns
+    -------
+    bool (P,)
+    """
+    ends, other_ends = (frozen(low), frozen(high)), (frozen(other_low), frozen(other_high))
+    near: Bool = _within_gap(cells, *ends, others, *other_ends, gap_size)
+    return near
+
+
+@kernel
+def _within_gap(
+    cells: OccupiedCells,
+    low: Float64,
+    high: Float64,
+    others: OccupiedCells,
+    other_low: Float64,
+    other_high: Float64,
+    gap_size: float,
+) -> Bool:
+    """Do the work of `within_gap`.
+
+    Parameters
+    ----------
+    cells, low, high, others, other_low, other_high, gap_size
+        As there.
     """
     near = np.zeros(len(low), dtype=np.bool_)
     there = 0
-    for cell in range(len(ix)):
-        there = onward(other_ix, other_iy, there, ix[cell], iy[cell])
-        if not is_at(other_ix, other_iy, there, ix[cell], iy[cell]):
+    for cell in range(len(cells.ix)):
+        x, y = cells.ix[cell], cells.iy[cell]
+        there = onward(others.ix, others.iy, there, x, y)
+        if not is_at(others.ix, others.iy, there, x, y):
             continue
-        for i in range(start[cell], start[cell + 1]):
-            for j in range(other_start[there], other_start[there + 1]):
+        for i in range(cells.start[cell], cells.start[cell + 1]):
+            for j in range(others.start[there], others.start[there + 1]):
                 if distance(low[i], high[i], other_low[j], other_high[j]) <= gap_size:
                     near[i] = True
     return near

@@ -1,8 +1,8 @@
 """Patches as records: all that a map knows of a patch, side by side in memory.
 
-Columns are for those who look at one property of all patches. What moves whole patches about, as
-a map that grows does, takes records: as rows of 8-byte words, where it need not know what they
-hold, or by their fields.
+Columns suit code that reads one property of all patches. Code that moves whole patches, as a
+growing map does, uses records: by their fields, or as rows of 8-byte words where it need not know
+what they hold.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mlscli.runtime.kernels import kernel
 
 PATCH = np.dtype(
     [
-        # The packed key, by which cells sort as (ix, iy).
+        # The packed key of the cell.
         ("cell", np.uint64),
         ("height", np.float64),
         ("depth", np.float64),
@@ -31,7 +31,7 @@ PATCH = np.dtype(
         ("region", np.int32),
         ("first_keyframe", np.int32),
         ("last_keyframe", np.int32),
-        # In a whole word: no byte of a record is unused, and bytes can be compared.
+        # A whole word: a record has no padding, so that records can be compared bytewise.
         ("origin", np.uint64),
     ]
 )
@@ -46,28 +46,28 @@ def records_of(surface: SurfaceMap) -> Array:
 
 
 def columns_of(records: Array) -> dict[str, Any]:
-    """Return the columns of records, in their order, for `SurfaceMap.of`."""
+    """Return the columns of records by name, for `SurfaceMap.of`; patches keep their order."""
     return dict(zip(COLUMNS, _taken_apart(np.asarray(records)), strict=True))
 
 
 def surface_of(records: Array, grid: Grid) -> SurfaceMap:
-    """Return the map of records, in their order; it has no route."""
+    """Return the map of records, which must be in the file's order; it has no route."""
     return SurfaceMap.of(grid, columns_of(records))
 
 
 def rows_in(records: Array) -> UInt64:
-    """Return records as rows of words, uint64 (P, WORDS); they share the memory."""
+    """Return a view of records as rows of words, uint64 (P, WORDS)."""
     return records.view(np.uint64).reshape(-1, WORDS)
 
 
 def records_in(rows: UInt64) -> Array:
-    """Return rows of words as records, (P,); they share the memory."""
+    """Return a view of rows of words as records, (P,)."""
     return rows.view(PATCH).reshape(-1)
 
 
 @kernel
 def counted(records: Any) -> int:
-    """Return how many measured points patches hold."""
+    """Return how many measured points records hold."""
     points = 0
     for i in range(len(records)):
         points += records[i]["count"]
@@ -91,6 +91,21 @@ def _put_together(
     first: Int32,
     last: Int32,
 ) -> None:
+    """Write columns into records.
+
+    Parameters
+    ----------
+    records : PATCH (P,)
+        Receives the patches.
+    ix, iy : int32 (P,)
+    height, depth, top, bottom, mean, variance : float64 (P,)
+    count : uint32 (P,)
+    origin : uint8 (P,)
+    region : int32 (P,)
+        As in `SurfaceMap`.
+    first, last : int32 (P,)
+        The first and the last keyframe.
+    """
     for i in range(len(records)):
         patch = records[i]
         patch.cell = key_of(ix[i], iy[i])
@@ -103,7 +118,7 @@ def _put_together(
 
 @kernel
 def _taken_apart(records: Any) -> Any:
-    """Return the columns of records, in the order that maps have them in."""
+    """Return the columns of records, in the order of `COLUMNS`."""
     size = len(records)
     ix, iy = np.empty(size, np.int32), np.empty(size, np.int32)
     height, depth = np.empty(size), np.empty(size)

@@ -1,6 +1,6 @@
-"""A tile of what grows: the rows of a square of cells.
+"""A tile of rows: those of a square of cells.
 
-It knows where the rows of each of its cells lie, so that they are found without a search, and
+It knows where the rows of each of its cells lie, so that rows are found without a search, and
 replaced without moving others.
 """
 
@@ -17,8 +17,8 @@ from mlscli.runtime.kernels import inner, kernel
 
 Number = np.uint64
 
-# A tile is 2**6 cells wide, and so many strips high: what it costs to let one grow, or to tidy it
-# up, is a small and bounded part of what a map costs.
+# A tile is 2**TILE_BITS cells wide, and TILE_STRIPS strips high: it is so small that to enlarge or
+# to compact one costs little.
 TILE_BITS = 6
 TILE_STRIPS = 2 ** (TILE_BITS - STRIP_BITS)
 
@@ -29,14 +29,15 @@ class RowTile:
     Attributes
     ----------
     number : int
-        Which square.
-    place : int32 (strips,)
-        By (ix, iy): where in `runs` the cells of a strip are listed; -1: nowhere.
+        Number of the tile, from `tile_of`.
+    place : int32 (2**TILE_BITS * TILE_STRIPS,)
+        For each strip of the tile, by (ix, iy), its index in `runs`; -1: not listed.
     runs : int32 (., STRIP_CELLS, 2)
-        Where the rows of each cell begin, and how many they are.
+        For each cell of each listed strip, where its rows begin in `rows`, and their number.
     rows : uint64 (., words)
+        The rows, and others that are no longer in use.
     used : int64 (3,)
-        How many strips are listed; how far `rows` is filled; how much of that is in use.
+        How many strips are listed; how many rows are filled; how many of these are in use.
     """
 
     def __init__(self, number: int, words: int) -> None:
@@ -62,20 +63,20 @@ class RowTile:
         return numbers
 
     def count(self, strips: Strips, counts: Int64) -> None:
-        """Count the rows that it has in each strip of a set, at the number of the next."""
+        """Add the number of rows in each strip s of a set of cells to ``counts[s + 1]``."""
         _count(self.number, self.place, self.runs, *strips, counts)
 
     def fetch(self, strips: Strips, start: Int64, fetched: UInt64) -> None:
-        """Copy the rows that it has in the strips of a set to where those of each begin."""
+        """Copy the rows in a set of cells; those of strip s to ``fetched[start[s]:]``."""
         _fetch(self.number, self.place, self.runs, self.rows, *strips, start, fetched)
 
     def to_come(self, strips: Strips, start: Int64) -> tuple[int, int]:
-        """Return how many strips that it does not list, and how many rows, it may be given."""
+        """Return how many strips and how many rows it may gain; arguments as for `replace`."""
         more: tuple[int, int] = _to_come(self.number, self.place, strips.number, start)
         return more
 
     def make_room(self, strips: int, rows: int) -> None:
-        """See that there is room for more strips and rows."""
+        """Make room for `strips` more strips and `rows` more rows."""
         listed, filled, kept = self.used.tolist()
         if listed + strips > len(self.runs):
             runs = np.zeros((2 * (listed + strips), STRIP_CELLS, 2), dtype=np.int32)
@@ -90,19 +91,25 @@ class RowTile:
     def replace(
         self, strips: Strips, new: UInt64, start: Int64, to_come: int, compare: bool
     ) -> tuple[UInt64, UInt64]:
-        """Replace the rows in the cells of a set; tell which went and which came.
+        """Replace the rows in a set of cells.
 
         Parameters
         ----------
         strips : Strips
+            The cells; those of other tiles are passed over.
         new : uint64 (N, words)
-            Ascending by cell.
+            The new rows, ascending by cell; those in no cell of the set are passed over.
         start : int64 (S, 2)
-            From where to where those of each strip lie among them.
+            Where the new rows of each strip begin and end.
         to_come : int
-            How many of them can be its own; there is room for them.
+            How many rows it may gain, from `RowTile.to_come`; `make_room` has made room for them.
         compare : bool
-            Whether it is compare what differs.
+            Whether old and new rows are compared. If not, the results are empty.
+
+        Returns
+        -------
+        removed, added : uint64 (., words)
+            Rows that a cell had only before, and rows that it has only now; ascending by cell.
         """
         differing: tuple[UInt64, UInt64] = _update(
             self.number, self.place, self.runs, self.rows, self.used,
@@ -113,20 +120,20 @@ class RowTile:
 
 @inner
 def _run(runs: Array, strip: int, cell: int) -> tuple[int, int]:
-    """Return where the rows of a cell begin, and how many they are."""
+    """Return where the rows of a cell begin, and their number."""
     return np.int64(runs[strip, cell, 0]), np.int64(runs[strip, cell, 1])  # type: ignore[return-value]
 
 
 @inner
 def tile_of(strip: Any) -> Any:
-    """Return the number of the tile in which a strip lies: 32 bits for x, the others for y."""
+    """Return the number of the tile in which a strip lies: x in the upper 32 bits, y below."""
     x, y = strip >> np.uint64(IY_BITS), strip & np.uint64(2**IY_BITS - 1)
     return x >> np.uint64(TILE_BITS) << np.uint64(32) | y >> np.uint64(TILE_BITS - STRIP_BITS)
 
 
 @inner
 def _place_of(strip: Number) -> Any:
-    """Return which of its tile's strips a strip is."""
+    """Return the index of a strip in `RowTile.place`."""
     x, y = strip >> np.uint64(IY_BITS), strip & np.uint64(2**IY_BITS - 1)
     return np.int64(
         (x & np.uint64(2**TILE_BITS - 1)) * np.uint64(TILE_STRIPS)
@@ -157,7 +164,17 @@ def _has(bits: Number, cell: int) -> bool:
 def _count(
     number: int, place: Array, runs: Array, strips: UInt64, bits: UInt64, counts: Int64
 ) -> None:
-    """Count the rows that a tile has in each strip of a set, at the number of the next."""
+    """Add the number of rows that a tile has in each strip s of a set to ``counts[s + 1]``.
+
+    Parameters
+    ----------
+    number : int
+    place, runs : int32
+        As in `RowTile`.
+    strips, bits : uint64 (S,)
+        The set, as in `Strips`; strips of other tiles are passed over.
+    counts : int64 (S + 1,)
+    """
     for s in range(len(strips)):
         if tile_of(strips[s]) == np.uint64(number):
             at = place[_place_of(strips[s])]
@@ -169,7 +186,7 @@ def _count(
 
 @kernel
 def summed(counts: Int64) -> Any:
-    """Sum up counts in place, and return the sum of all."""
+    """Replace counts by their cumulative sums, and return the total."""
     for i in range(1, len(counts)):
         counts[i] += counts[i - 1]
     return counts[-1]
@@ -186,7 +203,21 @@ def _fetch(
     start: Int64,
     fetched: UInt64,
 ) -> None:
-    """Copy the rows that a tile has in the strips of a set to where those of each begin."""
+    """Copy the rows that a tile has in a set of cells.
+
+    Parameters
+    ----------
+    number : int
+    place, runs : int32
+    rows : uint64 (., words)
+        As in `RowTile`.
+    strips, bits : uint64 (S,)
+        The set, as in `Strips`; strips of other tiles are passed over.
+    start : int64 (S + 1,)
+        Where in `fetched` the rows of each strip begin, and the end of the last.
+    fetched : uint64 (N, words)
+        Receives the rows.
+    """
     for s in range(len(strips)):
         if start[s] < start[s + 1] and tile_of(strips[s]) == np.uint64(number):
             at, to = place[_place_of(strips[s])], start[s]
@@ -198,7 +229,7 @@ def _fetch(
 
 @kernel
 def _tidy_up(place: Array, runs: Array, rows: UInt64, tidy: UInt64) -> None:
-    """Move the rows of a tile to where there is room for more, in the order of their cells."""
+    """Copy the rows of a tile that are in use into `tidy`, in the order of their cells."""
     to = ZERO
     for at in place:
         if at >= 0:
@@ -210,7 +241,7 @@ def _tidy_up(place: Array, runs: Array, rows: UInt64, tidy: UInt64) -> None:
 
 @kernel
 def _to_come(number: int, place: Array, strips: UInt64, start: Int64) -> tuple[int, int]:
-    """Return how many strips that it does not list, and how many rows, a tile may be given."""
+    """Return how many strips and how many rows a tile may gain; see `RowTile.to_come`."""
     unlisted = rows = 0
     for s in range(len(strips)):
         if start[s, 0] < start[s, 1] and tile_of(strips[s]) == np.uint64(number):
@@ -233,7 +264,27 @@ def _update(
     to_come: int,
     compare: bool,
 ) -> tuple[UInt64, UInt64]:
-    """Replace the rows that a tile has in the cells of a set; tell which went and which came."""
+    """Replace the rows that a tile has in a set of cells; see `RowTile.replace`.
+
+    Parameters
+    ----------
+    number : int
+    place, runs : int32
+    rows : uint64 (., words)
+    used : int64 (3,)
+        As in `RowTile`.
+    strips, bits : uint64 (S,)
+        The set, as in `Strips`; strips of other tiles are passed over.
+    new : uint64 (N, words)
+    start : int64 (S, 2)
+    to_come : int
+    compare : bool
+        As for `RowTile.replace`.
+
+    Returns
+    -------
+    removed, added : uint64 (., words)
+    """
     counts = np.zeros(len(strips) + 1, dtype=np.int64)
     if compare:
         _count(number, place, runs, strips, bits, counts)
@@ -269,5 +320,5 @@ def _update(
             copied(new, begin, more, rows, old)
             runs[at, cell, 0], runs[at, cell, 1] = old, more
             used[2] += more - size
-    # Whoever keeps what differs keeps no room for what could have.
+    # Copies: they do not keep the room for all that could have differed.
     return removed[:gone].copy(), added[:came].copy()

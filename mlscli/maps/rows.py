@@ -1,7 +1,7 @@
-"""Rows of 8-byte words: what is known of a point or a patch, its cell's packed key first.
+"""Rows of 8-byte words: all that is known of a point or a patch, its cell's packed key first.
 
-Whoever moves rows about need not know what they hold. Unless said otherwise they ascend by cell.
-Places and sizes are int64 throughout: of each other type of them a kernel would be compiled anew.
+Code that moves rows need not know what the other words hold. Unless said otherwise, rows ascend by
+cell. Indices and sizes are int64 throughout: for any other type, kernels would be compiled anew.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mlscli.runtime.kernels import inner, kernel
 
 @inner
 def copied(rows: UInt64, begin: int, size: int, target: UInt64, to: int) -> int:
-    """Copy some rows to a place, and return the place after them."""
+    """Copy `size` rows, from `begin` on, to row `to` of `target`; return the row after them."""
     for row in range(size):
         for word in range(rows.shape[1]):
             target[to + row, word] = rows[begin + row, word]
@@ -39,7 +39,7 @@ def merged(rows: UInt64, others: UInt64) -> UInt64:
 
 @kernel
 def starts(rows: UInt64, strips: UInt64) -> Int64:
-    """Return from where to where the rows of each strip lie, (S, 2); both ascend."""
+    """Return where the rows of each strip begin and end, int64 (S, 2); rows and strips ascend."""
     start = np.empty((len(strips), 2), dtype=np.int64)
     i = 0
     for s in range(len(strips)):
@@ -54,7 +54,16 @@ def starts(rows: UInt64, strips: UInt64) -> Int64:
 
 @inner
 def alike(rows: UInt64, begin: int, size: int, others: UInt64, first: int, more: int) -> bool:
-    """Tell whether some rows are as many as some others, and the same one by one."""
+    """Return whether some rows are the same as some others, in number, order and every bit.
+
+    Parameters
+    ----------
+    rows, others : uint64 (., words)
+    begin, size : int
+        The first of the rows to compare, and their number.
+    first, more : int
+        The same of the others.
+    """
     if size != more:
         return False
     same = True
@@ -76,7 +85,20 @@ def note_missing(
     rows: UInt64, begin: int, size: int, others: UInt64, first: int, more: int,
     missing: UInt64, noted: int,
 ) -> int:  # fmt: skip
-    """Note which of some rows are not among others, after those noted; return how many now are."""
+    """Note the rows that are not among some others; return how many are noted in all.
+
+    Parameters
+    ----------
+    rows, others : uint64 (., words)
+    begin, size : int
+        The first of the rows to look for, and their number.
+    first, more : int
+        The first of the others to look through, and their number.
+    missing : uint64 (., words)
+        Receives the rows that are not found.
+    noted : int
+        How many rows it holds already.
+    """
     for i in range(size):
         there = False
         for j in range(more):
@@ -90,7 +112,7 @@ def note_missing(
 
 @kernel
 def missing(rows: UInt64, others: UInt64) -> UInt64:
-    """Return the rows that are not among others, bit for bit; both ascend by cell."""
+    """Return the rows that are not among others, compared bit for bit; both ascend by cell."""
     apart = np.empty_like(rows)
     noted = first = ZERO
     for i in range(len(rows)):

@@ -15,7 +15,15 @@ from mlscli.runtime.scratch import Scratch, Stored
 
 
 class StoredPatches(NamedTuple):
-    """Successive patches of a map, put away column by column."""
+    """Successive patches of a map, stored column by column.
+
+    Attributes
+    ----------
+    size : int
+        Number of patches.
+    columns : mapping of str to Stored
+        The columns by name, as in `SurfaceMap`.
+    """
 
     size: int
     columns: Mapping[str, Stored]
@@ -29,6 +37,7 @@ class StoredMap:
     ----------
     grid : Grid
     parts : list of StoredPatches
+        In the file's order.
     route : float64 (K, 4)
         As in `SurfaceMap`.
     meta : dict
@@ -46,7 +55,7 @@ class StoredMap:
         return sum(part.size for part in self.parts)
 
     def put(self, surface: SurfaceMap, scratch: Scratch) -> None:
-        """Put away the patches that come next in the file's order."""
+        """Store the patches that come next in the file's order, of whole cells."""
         columns = {name: scratch.put(column) for name, column in surface.columns.items()}
         self.parts.append(StoredPatches(surface.size, columns))
 
@@ -56,7 +65,7 @@ class StoredMap:
             yield part.columns[name][0 : part.size]
 
     def surfaces(self) -> Iterator[SurfaceMap]:
-        """Yield the map, part by part."""
+        """Yield the map in parts of whole cells."""
         for part in self.parts:
             columns = {name: part.columns[name][0 : part.size] for name in COLUMNS}
             yield SurfaceMap.of(self.grid, columns, self.route, self.meta)

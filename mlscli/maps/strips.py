@@ -1,7 +1,7 @@
-"""Cells by strips: a strip is some successive cells of one column of the grid, a bit for each.
+"""Sets of cells as strips: a strip is STRIP_CELLS successive cells of a column, a bit for each.
 
-Strips ascend as their cells do, (ix, iy): what is put together strip by strip is in the order of
-maps. All kernels take and return the numbers of strips, ascending, and the bits of their cells.
+Strips ascend as their cells do, by (ix, iy). All kernels take and return the ascending numbers of
+strips and the bits of their cells, as in `Strips`.
 """
 
 from __future__ import annotations
@@ -13,11 +13,12 @@ import numpy as np
 from mlscli.runtime.arrays import ZERO, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
-# A strip has 2**5 cells: some more than what a batch of a sparse cloud touches of a column.
+# A strip has 2**5 cells: a few more than a batch of a sparse cloud touches in a column.
 STRIP_BITS = 5
 STRIP_CELLS = 2**STRIP_BITS
 
-# A strip is the packed key of its cells without the last bits: 32 bits for ix, the others for iy.
+# A strip's number is the packed key of its cells without the last bits: 32 bits for ix, the others
+# for iy.
 IY_BITS = 32 - STRIP_BITS
 
 
@@ -29,7 +30,7 @@ class Strips(NamedTuple):
     number : uint64 (S,)
         Packed keys of the strips' cells, shifted by `STRIP_BITS`; ascending, each once.
     bits : uint64 (S,)
-        Which of its cells are in the set: for that with the packed key c, bit ``c % STRIP_CELLS``.
+        The cells of each strip that are in the set: bit ``c % STRIP_CELLS`` for packed key c.
     """
 
     number: UInt64
@@ -52,11 +53,11 @@ def strips_of(cells: UInt64) -> tuple[UInt64, UInt64]:
 
 @kernel
 def widened(number: UInt64, bits: UInt64, reach: int) -> tuple[UInt64, UInt64]:
-    """Return the strips of all cells within `reach` of those given, in x and in y.
+    """Return the strips of all cells within `reach` of a set, in x and in y.
 
-    A set and its images one step to either side are the set widened by the step, as long as that
-    is no longer than the set has been widened before; so the steps grow. At an edge of the grid
-    one image may be lost: a longer step would leave a hole there.
+    The set is widened in steps: each adds copies of it, moved to both sides. A step is at most one
+    cell longer than the set was widened before: a longer one would leave a hole at an edge of the
+    grid, where one copy may be lost.
     """
     covered = ZERO
     while covered < reach:
@@ -69,7 +70,7 @@ def widened(number: UInt64, bits: UInt64, reach: int) -> tuple[UInt64, UInt64]:
 
 @inner
 def _spread(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
-    """Return a set together with its images so far away to both sides."""
+    """Return the union of a set and its copies moved by (dx, dy) and by (-dx, -dy)."""
     there = _moved(number, bits, dx, dy)
     back = _moved(number, bits, -dx, -dy)
     both = _united(there[0], there[1], back[0], back[1])
@@ -78,9 +79,9 @@ def _spread(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UIn
 
 @inner
 def _moved(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
-    """Return the image of a set so far away, without what lies off the grid."""
+    """Return a set moved by dx and dy cells, without what leaves the grid."""
     by = np.uint64(dy & (STRIP_CELLS - 1))
-    # Bits that are moved out of a strip come to lie in the next.
+    # Bits that are moved out of a strip go to the next one.
     one = _shifted(number, bits << by & np.uint64(2**STRIP_CELLS - 1), dx, dy >> STRIP_BITS)
     if by == 0:
         return one
@@ -90,7 +91,7 @@ def _moved(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt
 
 @inner
 def _shifted(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UInt64]:
-    """Move strips as a whole."""
+    """Return strips moved by dx columns and dy strips, without empty ones and any off the grid."""
     moved, kept = np.empty_like(number), np.empty_like(bits)
     size = 0
     for i in range(len(number)):
@@ -107,7 +108,7 @@ def _shifted(number: UInt64, bits: UInt64, dx: int, dy: int) -> tuple[UInt64, UI
 def _united(
     number: UInt64, bits: UInt64, other_number: UInt64, other_bits: UInt64
 ) -> tuple[UInt64, UInt64]:
-    """Return the cells that are in one of two sets."""
+    """Return the union of two sets."""
     both = np.empty(len(number) + len(other_number), dtype=np.uint64)
     cells = np.empty_like(both)
     size = i = j = 0

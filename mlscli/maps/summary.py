@@ -20,8 +20,9 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         ``patches``: the total, by origin, and how many are vertical; ``cells``: how many are
         occupied; ``levels``: how many cells hold 1, 2, ... patches; ``extent``: lower and upper
         bounds of x, y (edges of cells) and z, None for an empty map; ``area``: of the occupied
-        cells, in the square of the unit; ``regions``: how many have a number; ``keyframes``: rows
-        of the route; and the map's ``cell_size``, ``gap_size``, ``thickness`` and ``frame_id``.
+        cells, in the square of the unit; ``regions``: the greatest region number plus 1;
+        ``keyframes``: rows of the route; and the map's ``cell_size``, ``gap_size``, ``thickness``
+        and ``frame_id``.
     """
     grid = surface.grid
     counted = dict.fromkeys(("total", *ORIGINS, "vertical"), 0)
@@ -54,7 +55,7 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
 
 
 def _extent(surface: SurfaceMap) -> list[tuple[list[float], list[float]]]:
-    """Return the least and the greatest x, y and z; nothing for an empty map."""
+    """Return a pair of the least and the greatest x, y and z; no pair for an empty map."""
     if not surface.size:
         return []
     size = surface.cell_size

@@ -2,7 +2,7 @@
 
 The model is that of R. Triebel, P. Pfaff and W. Burgard, *Multi-Level Surface Maps for Outdoor
 Terrain Mapping and Loop Closing*, IROS 2006 (doi:10.1109/IROS.2006.282632), with patches made by
-single linkage and told horizontal or vertical by their spread.
+single linkage, and horizontal or vertical by their spread.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ _ARRAYS = (*COLUMNS, "route")
 
 
 def new_columns(size: int) -> dict[str, Any]:
-    """Return columns of so many patches, yet to be filled.
+    """Return columns by name, for `size` patches, not initialised.
 
-    They share one block of memory: the system gives a large one out faster than many small ones.
+    They share one block of memory: one large allocation is faster than many small ones.
     """
-    # Whole cache lines: each column begins where any number may begin.
+    # Multiples of 64 bytes, so that each column is aligned.
     bytes_of = {name: -(-dtype.itemsize * size // 64) * 64 for name, dtype in COLUMNS.items()}
     block, end = np.empty(sum(bytes_of.values()), dtype=np.uint8), 0
     columns = {}
@@ -72,12 +72,13 @@ class SurfaceMap:
     Attributes
     ----------
     cell_size, gap_size, thickness : float
-        Side of a cell; heights farther apart are different patches; a patch with a greater
-        spread is vertical. In the unit of the recording.
+        Side of a cell; successive heights farther apart belong to different patches; a patch with
+        a greater spread is vertical. In the unit of the recording.
     ix, iy : int32 (P,)
         Cell indices.
     height, depth : float64 (P,)
-        Upper end of a patch and its extent below; ``depth > 0`` means vertical.
+        Upper end of a patch and its extent below, in the unit of the recording; ``depth > 0``
+        means vertical.
     top, bottom, mean, variance : float64 (P,)
         Of the measured heights; NaN where the patch was inserted.
     count : uint32 (P,)
@@ -85,7 +86,7 @@ class SurfaceMap:
     origin : uint8 (P,)
         0 measured, 1 plastered, 2 artificial.
     region : int32 (P,)
-        Number of the connected surface; -1 where the regions stage did not run.
+        Number of the region; -1 where there is none.
     first_keyframe, last_keyframe : int32 (P,)
         Rows of `route` that first and last measured the patch; -1 where inserted.
     frame_id : str
@@ -93,7 +94,7 @@ class SurfaceMap:
     route : float64 (K, 4)
         Time, x, y, z of the craft, a row for each keyframe; NaN where not known.
     meta : dict
-        What made the map: program version, sources, parameters, counts.
+        How the map was made: program version, sources, parameters, counts.
     """
 
     cell_size: float
@@ -117,7 +118,7 @@ class SurfaceMap:
     meta: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only, also for whoever gave them."""
+        """Make the arrays read-only, for the caller, too."""
         for name in _ARRAYS:
             array = getattr(self, name)
             if not isinstance(array, np.ndarray):
@@ -132,15 +133,16 @@ class SurfaceMap:
         route: Float64 | None = None,
         meta: dict[str, Any] | None = None,
     ) -> SurfaceMap:
-        """Return a map on a grid.
+        """Return a map on a grid; use `check` for columns that may be invalid.
 
         Parameters
         ----------
         grid : Grid
         columns : mapping of str to array, optional
-            Those of `COLUMNS`, sorted as in the file; a map without patches where none are given.
+            Those of `COLUMNS`, in the file's order; by default of no patches.
         route : float64 (K, 4), optional
         meta : dict, optional
+            By default both are empty.
         """
         chosen: Any = new_columns(0) if columns is None else columns
         return cls(
@@ -190,7 +192,7 @@ class SurfaceMap:
         return replace(self, **columns).sorted()
 
     def take(self, which: Bool | Int64) -> SurfaceMap:
-        """Return the patches that a mask or ascending indices choose."""
+        """Return the patches that a mask selects, or indices, in the order of the indices."""
         if which.dtype == np.bool_ and which.all():
             return self
         chosen: Any = np.flatnonzero(which) if which.dtype == np.bool_ else which
@@ -207,7 +209,7 @@ class SurfaceMap:
         return self.take(np.lexsort(self.keys[::-1]))
 
     def union(self, other: SurfaceMap) -> SurfaceMap:
-        """Return the patches of both, side by side: nothing is merged."""
+        """Return the patches of both, none merged, with the grid, route and meta of this map."""
         mine, others = self.sorted(), other.sorted()
         if not others.size:
             return mine
@@ -220,7 +222,10 @@ class SurfaceMap:
         return self._with_new_columns(mine.size + others.size, put_together)
 
     def _with_new_columns(self, size: int, fill: Callable[[str, Array], None]) -> SurfaceMap:
-        """Return a map of so many patches, each column filled by name, in several threads."""
+        """Return a map of `size` patches, each column written by ``fill(name, column)``.
+
+        Several threads call `fill`.
+        """
         new, names = new_columns(size), list(COLUMNS)
 
         def fill_some(begin: int, end: int) -> None:
@@ -233,7 +238,15 @@ class SurfaceMap:
     def with_inserted(
         self, ix: Int32, iy: Int32, height: Float64, depth: Float64, origin: UInt8
     ) -> SurfaceMap:
-        """Return the map with patches that nobody measured put in."""
+        """Return the map with inserted patches added.
+
+        Parameters
+        ----------
+        ix, iy : int32 (N,)
+        height, depth : float64 (N,)
+        origin : uint8 (N,)
+            Columns of the inserted patches; the others are set as for every inserted patch.
+        """
         if not len(ix):
             return self
         unmeasured = np.full(len(ix), -1, dtype=np.int32)
@@ -268,7 +281,13 @@ class SurfaceMap:
         return self.take(cells.contains(self.ix, self.iy))
 
     def replace(self, cells: CellSet, other: SurfaceMap) -> SurfaceMap:
-        """Return the map with the patches in `cells` replaced by those that `other` has there."""
+        """Return the map with the patches in `cells` replaced by those that `other` has there.
+
+        Raises
+        ------
+        UsageError
+            Where cell size, gap size or thickness differ.
+        """
         self.grid.require_same(other.grid)
         outside = self.take(~cells.contains(self.ix, self.iy))
         return outside.union(other.in_cells(cells))
@@ -276,7 +295,7 @@ class SurfaceMap:
     # --- equality and invariants ---
 
     def __eq__(self, other: object) -> bool:
-        """Tell whether all but route and meta is the same, bit for bit."""
+        """Return whether all but route and meta is the same, bit for bit."""
         if not isinstance(other, SurfaceMap):
             return NotImplemented
         return (
@@ -290,7 +309,7 @@ class SurfaceMap:
         )
 
     def __repr__(self) -> str:
-        """Say how much there is, not what: maps are large."""
+        """Return a summary: maps are too large to print."""
         return (
             f"SurfaceMap(patches={self.size}, cells={len(self.cells.ix)}, "
             f"cell_size={self.cell_size!r}, gap_size={self.gap_size!r}, frame_id={self.frame_id!r})"
@@ -369,5 +388,5 @@ class SurfaceMap:
             yield "first_keyframe: comes after last_keyframe somewhere"
 
     def _is_sorted(self) -> bool:
-        """Tell whether each patch comes after the one before it, by the first key that differs."""
+        """Return whether the patches are in the file's order."""
         return bool(ascend(self.keys))

@@ -1,4 +1,4 @@
-"""A map, kept in tiles."""
+"""A map kept in tiles."""
 
 from __future__ import annotations
 
@@ -24,18 +24,25 @@ class TiledMap:
         self._tiles = TiledRows(WORDS)
 
     def extract(self, cells: CellSet) -> SurfaceMap:
-        """Return the patches in `cells`."""
+        """Return the patches in `cells`, without a route."""
         return surface_of(self.records(cells), self._grid)
 
     def records(self, cells: CellSet) -> Array:
-        """Return the patches in `cells` as records, in the order of maps."""
+        """Return the patches in `cells` as records, in the file's order."""
         return records_in(self._tiles.extract(cells))
 
     def replace(self, cells: CellSet, new: SurfaceMap | Array) -> Change:
-        """Replace the patches in `cells` by those that `new`, a map or records, has there."""
+        """Replace the patches in `cells` by those that `new` has there, and return what changes.
+
+        Parameters
+        ----------
+        cells : CellSet
+        new : SurfaceMap or PATCH (P,)
+            A map, or records, in the file's order.
+        """
         records = records_of(new) if isinstance(new, SurfaceMap) else new
         return Change(*self._tiles.update(cells, rows_in(records)), self._grid)
 
     def whole(self) -> SurfaceMap:
-        """Return the map of all tiles."""
+        """Return the map of all tiles, without a route."""
         return surface_of(records_in(self._tiles.whole()), self._grid)

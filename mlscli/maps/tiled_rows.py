@@ -1,7 +1,6 @@
-"""What grows, kept in tiles, so that an area costs what the area costs.
+"""Rows kept in tiles: what an access costs depends on its cells, not on how many rows there are.
 
-Points and patches are kept alike: as rows of 8-byte words, of which the first is the packed key of
-the cell.
+Points and patches are kept alike, as rows of 8-byte words; the first is the packed key of the cell.
 """
 
 from __future__ import annotations
@@ -19,29 +18,29 @@ from mlscli.maps.strips import STRIP_BITS, STRIP_CELLS, Strips
 from mlscli.runtime.arrays import Int64, UInt64
 from mlscli.runtime.kernels import kernel
 
-# What so many tiles hold is sorted, not merged one by one.
+# From this many tiles on, strips are divided among them, and their rows sorted instead of merged.
 _MANY_TILES = 8
 
 
 class TiledRows:
-    """Rows by cell; those of one cell stay in their order.
+    """Rows by cell; the rows of one cell keep their order.
 
-    No call touches more tiles than it names cells in.
+    A call touches only the tiles in which its cells lie.
 
     Parameters
     ----------
     words : int
-        The length of a row.
+        How many words a row has.
     """
 
     def __init__(self, words: int) -> None:
         self._words = words
         self._tiles: dict[int, RowTile] = {}
-        # How many strips these list.
+        # How many strips the tiles list.
         self._there = 0
 
     def extract(self, cells: CellSet) -> UInt64:
-        """Return the rows in `cells`, ascending by cell."""
+        """Return the rows in `cells`, uint64 (N, words), ascending by cell."""
         return self._rows(self._strips(cells))
 
     def put(self, cells: CellSet, new: UInt64) -> None:
@@ -49,9 +48,9 @@ class TiledRows:
         self._replace(cells, new, compare=False)
 
     def update(self, cells: CellSet, new: UInt64) -> tuple[UInt64, UInt64]:
-        """Replace the rows in `cells` by those of `new` that lie in them, and tell what differs.
+        """Replace the rows in `cells` by those of `new` that lie in them; return what differs.
 
-        Each row of a cell is compared with all that it had: cells should have few.
+        Each new row of a cell is compared with all its old ones: cells should have few.
 
         Parameters
         ----------
@@ -62,7 +61,7 @@ class TiledRows:
         Returns
         -------
         removed, added : uint64 (., words)
-            Rows that a cell had and has no more, and rows that it has only now; ascending by cell.
+            Rows that a cell had only before, and rows that it has only now; ascending by cell.
         """
         return self._replace(cells, new, compare=True)
 
@@ -89,7 +88,7 @@ class TiledRows:
         return self._together(removed), self._together(added)
 
     def whole(self) -> UInt64:
-        """Return all rows, ascending by cell."""
+        """Return all rows, uint64 (N, words), ascending by cell."""
         numbers = self._listed()
         return self._rows(Strips(numbers, np.full_like(numbers, 2**STRIP_CELLS - 1)))
 
@@ -110,8 +109,8 @@ class TiledRows:
         return rows
 
     def _strips(self, cells: CellSet, new: UInt64 | None = None) -> Strips:
-        """Return a set by strips, if only by those that there are where these are the fewer."""
-        # To go through those that there are costs more, cell by cell.
+        """Return a set as strips; where it has too many, only those with old or new rows."""
+        # To choose among the strips with rows costs more: each of their cells is looked up.
         strips = cells.strips(most=STRIP_CELLS * self._there)
         if strips is None:
             listed = [self._listed()]
@@ -121,7 +120,7 @@ class TiledRows:
         return strips
 
     def _listed(self) -> UInt64:
-        """Return the numbers of all strips in which there can be rows, ascending."""
+        """Return the numbers of all strips that tiles list, ascending."""
         numbers = [np.empty(0, dtype=np.uint64)]
         numbers += [tile.strips() for tile in self._tiles.values()]
         return np.sort(np.concatenate(numbers))
@@ -138,9 +137,10 @@ def _take(strips: Strips, own: Int64 | None) -> Strips:
 
 
 def _by_tile(strips: Strips) -> Iterator[tuple[int, Int64 | None]]:
-    """Yield the numbers of the tiles in which strips lie, and where theirs are among these.
+    """Yield the number of each tile in which strips lie, and the indices of its strips.
 
-    Where tiles are few they are compare of all (None): it costs less to pass over those of others.
+    Where tiles are few the indices are None: each tile is given all strips, as it costs less to
+    pass over those of others.
     """
     numbers = dict.fromkeys(_tiles_of(strips.number).tolist())
     if len(numbers) < _MANY_TILES:
@@ -158,7 +158,7 @@ def _tiles_of(strips: UInt64) -> UInt64:
     size = 0
     for strip in strips:
         number = tile_of(strip)
-        # Most strips lie in a tile of one of those before.
+        # Most strips lie in a recent tile; the caller removes the duplicates that are left.
         known = False
         for other in numbers[max(0, size - TILE_STRIPS - 2) : size]:
             known |= other == number

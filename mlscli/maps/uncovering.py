@@ -1,8 +1,8 @@
-"""How a finished map grew: what it would show of itself at every keyframe of the flight.
+"""A finished map uncovered keyframe by keyframe.
 
 A measured patch appears with its first keyframe. An inserted one appears with the last of the
-measured patches nearest to it, as these are what it was derived from. Nothing is recorded for
-this: it is the finished map, uncovered bit by bit, and not the map as it was at the time.
+measured patches nearest to it, as it was derived from patches around it. Nothing is recorded for
+this: what shows is a part of the finished map, not the map as it was at the time.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ def appearing(surface: SurfaceMap) -> Int32:
 
 
 def growth(surface: SurfaceMap) -> Iterator[Change]:
-    """Yield the patches that appear with each keyframe that any appear with.
+    """Yield a change for each keyframe with which patches appear.
 
-    And the route from the keyframe after the one before to this.
+    It adds these patches, and the rows of the route from the change before up to this keyframe.
     """
     when = appearing(surface)
     nothing = surface.take(np.zeros(surface.size, dtype=np.bool_))
-    told = 0
+    begin = 0
     for keyframe in np.unique(when).tolist():
-        route = surface.route[told : keyframe + 1]
+        route = surface.route[begin : keyframe + 1]
         yield Change.of(nothing, surface.take(when == keyframe), route)
-        told = keyframe + 1
+        begin = keyframe + 1

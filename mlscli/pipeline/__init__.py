@@ -1,1 +1,1 @@
-"""The map as a function of the points: the stages, evaluated where they are asked for."""
+"""The map as a function of the points: the stages, and where they are evaluated."""

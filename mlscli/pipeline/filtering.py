@@ -1,8 +1,8 @@
-"""Points that a stage has filtered, and filters again where others come or go.
+"""The points of a stage, filtered again where points are added or removed.
 
-A point is filtered again only if a point that came or went lies no farther away than the stage
-looked when it filtered the point last: others cannot change its outcome. Points that came or went
-in one cell are taken for the rectangle around them.
+A point is filtered again only if a point was added or removed within the distance up to which the
+stage looked when it last filtered the point: others cannot change its outcome. All points added or
+removed in one cell are represented by their bounding rectangle.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ _WORDS = 7
 
 
 class Outcome(NamedTuple):
-    """What has become of points.
+    """What a stage has made of points.
 
     Attributes
     ----------
     cells : CellSet
-        All cells in which the outcome differs from before.
+        All cells in which a point or its outcome can differ from before.
     rows : uint64 (N, _WORDS)
         All points in these cells, ascending by cell.
     """
@@ -47,8 +47,8 @@ class FilteredPoints:
 
     Parameters
     ----------
-    stage : PointStage, optional
-        Without one, the points stay as they come.
+    stage : PointStage or None
+        None: the points stay as they are.
     """
 
     def __init__(self, stage: PointStage | None) -> None:
@@ -56,7 +56,7 @@ class FilteredPoints:
         self._tiles = TiledRows(_WORDS)
 
     def add(self, pipeline: Pipeline, points: Points) -> Outcome:
-        """Add points, and return the outcome where it changes."""
+        """Add points, and return the outcome in the cells where it changes."""
         new = _rows_of(points, pipeline.cell_size)
         cells = CellSet.of_keys(new[:, _CELL])
         rows = merged(self._tiles.extract(cells), new)
@@ -64,17 +64,18 @@ class FilteredPoints:
         return self._filtered(pipeline, Outcome(cells, rows), new)
 
     def replace(self, pipeline: Pipeline, given: Outcome) -> tuple[Outcome, int]:
-        """Replace the points in some cells, and return the outcome where it changes.
+        """Replace the points in some cells, and return the outcome in the cells where it changes.
 
         Parameters
         ----------
         pipeline : Pipeline
         given : Outcome
-            What the stage before has made of points: the input of this stage in these cells.
+            The outcome of the stage before, which is the input of this stage in these cells.
 
         Returns
         -------
         outcome : Outcome
+            All cells in which it changes.
         more : int
             How many more points this stage reads than before.
         """
@@ -86,7 +87,7 @@ class FilteredPoints:
         )
 
     def _filtered(self, pipeline: Pipeline, given: Outcome, changed: UInt64) -> Outcome:
-        """Filter again all points whose outcome the rows that came or went can change."""
+        """Filter again all points whose outcome the rows added or removed can change."""
         if self._stage is None:
             return given
         reach = self._stage.reach(pipeline.cell_size)
@@ -146,7 +147,7 @@ def _fill(
 
 
 def _passed_on(rows: UInt64) -> UInt64:
-    """Return the rows of a stage as the next one reads them: without the points that it drops."""
+    """Return the rows of a stage as the next one reads them, without dropped points."""
     floats = rows.view(np.float64)
     floats = floats[~np.isnan(floats[:, _HEIGHT])]
     floats[:, _Z] = floats[:, _HEIGHT]
@@ -156,11 +157,12 @@ def _passed_on(rows: UInt64) -> UInt64:
 
 @kernel
 def _asked(rows: UInt64, floats: Float64, changed: UInt64, places: Float64, reach: int) -> Bool:
-    """Return which points a stage must filter again, bool (N,), given those that came or went.
+    """Return which points a stage must filter again, bool (N,), given those added or removed.
 
-    Rows ascend by cell, and a stage looks at cells within its reach only. Points that came or went
-    in one cell are taken for the rectangle around them: one by one they would cost more in dense
-    clouds than they spare. `floats` and `places` are `rows` and `changed` viewed as float64.
+    Rows ascend by cell, and a stage looks at cells within its reach only. The points added or
+    removed in one cell are represented by their bounding rectangle: to test them one by one would
+    cost more in dense clouds than it saves. `floats` and `places` are `rows` and `changed` viewed
+    as float64.
     """
     asked: Bool = floats[:, _LOOKED] == np.inf
     if asked.all():
@@ -206,7 +208,7 @@ def _first_from(rows: UInt64, cell: np.uint64) -> int:
 def _noted(
     rows: UInt64, floats: Float64, asked: Bool, height: Float64, looked: Float64
 ) -> tuple[UInt64, UInt64]:
-    """Write a stage's results for the points that were asked for into their rows.
+    """Write a stage's results for the points asked for into their rows.
 
     Returns
     -------

@@ -19,12 +19,12 @@ from mlscli.runtime.threads import LIGHT, in_ranges
 
 
 def group(points: Points, grid: Grid) -> SurfaceMap:
-    """Return the map of measured patches that points make.
+    """Return the map of the measured patches of points.
 
     Parameters
     ----------
     points : Points
-        All within cells whose indices int32 can hold.
+        All in cells whose indices int32 can hold.
     grid : Grid
     """
     ix, iy = cells_of(points.xyz, grid.cell_size)
@@ -59,7 +59,24 @@ def group(points: Points, grid: Grid) -> SurfaceMap:
 def split_by_gaps(
     begin: int, end: int, cells: Int64, z: Float64, gap_size: float
 ) -> tuple[Int64, Int64]:
-    """Return where the groups of some cells begin, at a new cell or after a gap, and the cells."""
+    """Split the heights of cells into groups, wherever two successive ones are too far apart.
+
+    Parameters
+    ----------
+    begin, end : int
+        The cells to split: from `begin` up to, but without, `end`.
+    cells : int64 (C + 1,)
+        Where the heights of each cell begin, and the end of the last.
+    z : float64 (N,)
+        The heights, ascending in each cell.
+    gap_size : float
+        Heights farther apart belong to different groups.
+
+    Returns
+    -------
+    start, of_cell : int64 (G,)
+        Where in `z` each group begins, and the number of its cell.
+    """
     most = cells[end] - cells[begin]
     start, of_cell = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     groups = 0
@@ -85,7 +102,25 @@ def summarise(
     first: Int32,
     last: Int32,
 ) -> None:
-    """Note what groups are like."""
+    """Compute the statistics of groups of heights.
+
+    Parameters
+    ----------
+    start : int64 (G + 1,)
+        The heights of group g are ``z[start[g]:start[g + 1]]``.
+    order : uint32 or int64 (N,)
+        The number of the point of each height.
+    z : float64 (N,)
+        Heights, ascending in each group.
+    keyframe : int32 (N,)
+        The keyframe of each point, by its number.
+    top, bottom, mean, variance : float64 (G,)
+        Receive the statistics of the heights of each group.
+    count : uint32 (G,)
+        Receives the numbers of points.
+    first, last : int32 (G,)
+        Receive the first and the last keyframe of each group.
+    """
     for g in range(len(start) - 1):
         lowest, highest, size = z[start[g]], z[start[g + 1] - 1], start[g + 1] - start[g]
         earliest = latest = keyframe[order[start[g]]]

@@ -1,4 +1,7 @@
-"""Maps that grow by batches, in the two modes; a batch costs what its surroundings cost."""
+"""Maps that grow batch by batch, in the two modes.
+
+What a batch costs depends on the points in and around it, not on the size of the map.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +33,9 @@ class GrowingMap(Protocol):
 class ConsistentMap:
     """The map that one pass over all points so far gives, whatever batches they came in.
 
-    It keeps the points, and the map after each stage. Where points come, each stage runs again in
-    the cells within its reach of what changed in its input, fed with all within its reach of
-    those. What comes out as it was before changes nothing in the stages after.
+    It keeps the points, and the map after each stage. For each batch, a stage is evaluated again in
+    the cells within its reach of a change of its input, given all input within its reach of those
+    cells. Later stages are evaluated again only where its result differs from before.
     """
 
     def __init__(self, pipeline: Pipeline) -> None:
@@ -76,10 +79,10 @@ class ConsistentMap:
 
 
 class SequentialMap:
-    """The map that the thesis makes (section 4.1): each batch filtered alone, and added.
+    """The map that the thesis makes (section 4.1): each batch is filtered alone, and added.
 
-    The stages read the map as the batch before left it, and replace what lies within their reach
-    of the new patches.
+    Each stage reads the map as the stage before left it, and replaces the cells within its reach of
+    the new patches.
     """
 
     def __init__(self, pipeline: Pipeline) -> None:

@@ -1,4 +1,4 @@
-"""The parameters that a map depends on besides its points, and what contradicts what."""
+"""The parameters that a map depends on besides its points, and contradictions among them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class MapParameters:
-    """The grid, and what makes one patch of the heights in a cell."""
+    """The grid, and how the heights in a cell become patches."""
 
     cell_size: float | Literal["auto"] = parameter(
         "auto", "side of a cell; auto: from the distances of the recording's points", above=0
@@ -54,9 +54,9 @@ DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
     "plaster": {"slope_reach": Cells(2)},
     "pyramids": {"pits": True},
 }
-"""The stages where none are named, with the rules that better the thesis's (benchmarks/README.md).
+"""The stages by default, with rules that improve on the thesis's (see benchmarks/README.md).
 
-A stage that is named follows the thesis's rules as far as nothing else is said.
+A stage that a configuration names follows the thesis's rules unless its parameters say otherwise.
 """
 
 
@@ -78,7 +78,7 @@ class Parameters:
     map : MapParameters
     batch : BatchParameters
     pipeline : tuple of Stage
-        The stages, in order; what works on points comes first.
+        The stages, in order; those that work on points come first.
     """
 
     mode: Literal["consistent", "sequential"] = parameter(
@@ -110,7 +110,7 @@ class Parameters:
         return getattr(getattr(self, section), name)
 
     def with_cell_size(self, cell_size: float) -> Parameters:
-        """Return the same parameters with a cell size in numbers, checked with it.
+        """Return the same parameters with this `cell_size`, checked.
 
         Raises
         ------
@@ -123,7 +123,7 @@ class Parameters:
         return settled
 
     def check(self) -> None:
-        """Check every value and what they say together.
+        """Check every value, and that none contradict each other.
 
         Raises
         ------
@@ -146,17 +146,18 @@ class Parameters:
 
 
 class Contradiction(NamedTuple):
-    """A fault that only shows when several parameters are seen together.
+    """A fault that shows only when several parameters are seen together.
 
     Attributes
     ----------
     part : str
-        The section or stage that it is found in.
+        The name of the section or stage at fault.
     stage : int or None
-        The place in the pipeline; None in a section.
+        The index of the stage in the pipeline; None for a section.
     field : str
-        The parameter to change; empty: all of the part.
+        The parameter to change; empty: the part as a whole.
     message : str
+        What is wrong, and what would be right.
     """
 
     part: str
@@ -166,7 +167,7 @@ class Contradiction(NamedTuple):
 
 
 def contradictions(parameters: Parameters) -> Iterator[Contradiction]:
-    """Yield what the parameters say against each other, all of them in range by themselves."""
+    """Yield the contradictions among parameters, each of which is in range by itself."""
     cell_size = parameters.map.cell_size
     size = cell_size if isinstance(cell_size, int | float) else None
     for name in SECTIONS:
@@ -185,7 +186,7 @@ def contradictions(parameters: Parameters) -> Iterator[Contradiction]:
 
 
 def _too_long(part: object, cell_size: float | None) -> Iterator[Fault]:
-    """Yield the lengths that span more cells than can be numbered."""
+    """Yield a fault for each length that spans more than `MAX_INDEX` cells."""
     for item in fields_of(type(part)).values():
         length = getattr(part, item.name)
         if item.name == "cell_size" or length is UNKNOWN or length is None:
@@ -204,7 +205,7 @@ def _too_long(part: object, cell_size: float | None) -> Iterator[Fault]:
 
 
 def _stage_faults(stage: Stage, cell_size: float | None, gap_size: Length) -> list[Fault]:
-    """Return a stage's own faults, as far as they follow from what is known."""
+    """Return the contradictions within a stage, as far as the values known show them."""
     values = [getattr(stage, name) for name in fields_of(type(stage))]
     gap = gap_size if isinstance(gap_size, int | float) else None
     if isinstance(gap_size, Cells):
@@ -215,10 +216,10 @@ def _stage_faults(stage: Stage, cell_size: float | None, gap_size: Length) -> li
             if Cells in item.kinds and value is not None
         ]
         if cell_size is None and all(isinstance(value, Cells) for value in lengths):
-            # Where all lengths are in cells, they compare alike whatever the size of a cell.
+            # Lengths that are all in cells compare the same for any size of cell.
             cell_size, gap = 1.0, gap_size.count
     faults: list[Fault] = []
-    # A comparison with a value at fault fails, and what it would have told is not known.
+    # A comparison with an invalid value raises TypeError; faults after it are not found.
     with suppress(TypeError) if UNKNOWN in values else nullcontext():
         for fault in stage.faults(cell_size, gap):
             faults.append(fault)

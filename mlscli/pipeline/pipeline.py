@@ -1,8 +1,7 @@
 """The stages of a configuration in their order: the map as a function of the points.
 
-Where the function is evaluated is the choice of others: everywhere at once (`filter_and_group`,
-then `run_map_stages`), tile by tile (`tilewise`), or where a batch can change something
-(`growing`).
+Callers choose where the function is evaluated: everywhere at once (`filter_and_group`, then
+`run_map_stages`), tile by tile (`tilewise`), or where a batch can change something (`growing`).
 """
 
 from __future__ import annotations
@@ -23,33 +22,39 @@ from mlscli.pipeline.report import Report
 from mlscli.pipeline.stages.stage import Evaluated, MapStage, PointStage
 from mlscli.runtime.arrays import Bool
 
-# What is being done, how much of it is done, and how much there is (None: not known).
+# Called with what is being done, how much of it is done, and how much there is (None: not known).
 Progress = Callable[[str, int, int | None], None]
 
 
 class Pipeline:
-    """What turns points into a map, and keeps account of it.
+    """The stages that turn points into a map; what they drop and how long they take is reported.
 
     Parameters
     ----------
     parameters : Parameters
         With a number for `cell_size`.
     frame_id : str
+        Name of the map frame.
     report : Report
-        Is told what is dropped, and where the time goes.
+        Receives the points dropped, and the time spent.
 
     Attributes
     ----------
     parameters : Parameters
+    cell_size : float
+        Side of a cell, in the unit of the recording.
+    report : Report
     point_stages : list of PointStage
     map_stages : list of MapStage
-        Those after which the map can still grow.
+        Those before the first without a bound to its reach.
     final_stages : list of MapStage
-        The first without a bound to its reach, and those after it: they need the whole map.
+        That stage, and all after it: they need the whole map.
     grid : Grid
 
     Raises
     ------
+    TypeError
+        Where `parameters` are of another type.
     UsageError
         Where `cell_size` is ``auto``.
     ConfigError
@@ -81,7 +86,7 @@ class Pipeline:
         self.final_stages = map_stages[len(self.map_stages) :]
 
     def run_map_stages(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
-        """Return what all map stages make of measured patches, but for the final ones."""
+        """Return what all map stages but the final ones make of measured patches."""
         for stage in self.map_stages:
             surface = self.run_and_count(stage, surface, progress)
         return surface
@@ -103,25 +108,25 @@ class Pipeline:
     def run_and_count(
         self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None
     ) -> SurfaceMap:
-        """Return what a stage makes of a map, the points it drops counted."""
+        """Return what a stage makes of a map, and count the points that it drops."""
         after = self.run_stage(stage, surface, progress)
         self.report.drop(stage.name, points_in(surface) - points_in(after))
         return after
 
     def reporting_to(self, report: Report) -> Pipeline:
-        """Return the same stages with another account."""
+        """Return a copy of the pipeline with another report."""
         other = copy(self)
         other.report = report
         return other
 
     @property
     def reach(self) -> int:
-        """How many cells away a point can change the map, but for the final stages."""
+        """How many cells away a point can change the map, the final stages left out."""
         reaches = [stage.reach(self.cell_size) for stage in self.point_stages]
         reaches += [stage.reach(self.cell_size) or 0 for stage in self.map_stages]
         return sum(reaches)
 
-    # --- the steps, timed; what they drop is counted by those who know where they are taken ---
+    # --- the steps, timed; callers count what is dropped, as they know in which cells ---
 
     def run_point_stage(
         self, stage: PointStage, points: Points, progress: Progress | None = None
@@ -132,7 +137,7 @@ class Pipeline:
             return stage.apply(points, self.cell_size, tell)
 
     def evaluate_points(self, stage: PointStage, points: Points, asked: Bool) -> Evaluated:
-        """Return what becomes of those points that are asked for."""
+        """Return what a stage makes of the points that `asked`, bool (N,), selects."""
         with self.report.timed(stage.name):
             return stage.evaluate(points, self.cell_size, asked)
 
@@ -154,7 +159,7 @@ class Pipeline:
 
 
 def _teller(what: str, total: int, progress: Progress | None) -> Callable[[int], None] | None:
-    """Return what tells of the progress in one step."""
+    """Return what reports how much of one step is done; None where nobody listens."""
     if progress is None:
         return None
     progress(what, 0, total)

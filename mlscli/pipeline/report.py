@@ -15,11 +15,12 @@ class Report:
     ----------
     points_read : int
         Points of the keyframes taken, before anything was dropped.
-    dropped : dict
+    dropped : Counter of str
         How many of them were dropped, by reason.
     batches : int
-    seconds : dict
-        Wall time by what was done, summed over threads where the map is made in tiles.
+        Batches made.
+    seconds : Counter of str
+        Wall time (s) by step, summed over threads where the map is evaluated tile by tile.
     slowest_batch : float or None
         Wall time (s) of the batch that took longest; None where the map did not grow by batches.
     """
@@ -31,7 +32,7 @@ class Report:
     slowest_batch: float | None = None
 
     def drop(self, reason: str, points: int) -> None:
-        """Count points dropped under a reason; below 0: some that come back as the map grows."""
+        """Count points dropped for a reason; negative: points that came back as the map grew."""
         if not points:
             return
         self.dropped[reason] += points
@@ -39,18 +40,18 @@ class Report:
             del self.dropped[reason]
 
     def add(self, part: Report) -> None:
-        """Add the account of a part of the work, but for batches and points read."""
+        """Add what a part of the work has dropped, and the time it took, but no other counts."""
         for reason, points in part.dropped.items():
             self.drop(reason, points)
         self.seconds.update(part.seconds)
 
     def timed(self, what: str) -> Timed:
-        """Add the time that a block takes to what it is spent on."""
+        """Return a context that adds the wall time of its block to ``seconds[what]``."""
         return Timed(self.seconds, what)
 
 
 class Timed:
-    """Takes the time of a block."""
+    """Measures the wall time of a block."""
 
     def __init__(self, seconds: Counter[str], what: str) -> None:
         self._seconds, self._what = seconds, what

@@ -1,1 +1,1 @@
-"""What everything runs on: kernels, threads, interrupts, room on disk, names of array types."""
+"""What everything runs on: kernels, threads, interrupts, temporary files, array types."""

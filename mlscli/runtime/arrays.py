@@ -29,5 +29,5 @@ def frozen(array: Array) -> Array:
     return array
 
 
-# Numbers as kernels begin to count with them: for a literal one they would be compiled once more.
+# Counters in kernels begin with these: for literals, kernels would be compiled once more.
 ZERO, ONE = cast(int, np.int64(0)), cast(int, np.int64(1))

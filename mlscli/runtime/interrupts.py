@@ -1,17 +1,17 @@
-"""Interrupts that wait: in some code an exception that a signal raises would be lost, or worse."""
+"""Interrupts that wait: in some code an exception raised by a signal would be lost, or do harm."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
 
-# How many times the main thread, which handles signals, has asked that they wait.
+# How often the main thread, which handles signals, holds them at present.
 _held = 0
 _waiting: list[Callable[[], None]] = []
 
 
 def when_safe(act: Callable[[], None]) -> None:
-    """Do what a signal asks for, now or as soon as nothing holds it up."""
+    """Do what a signal asks for, now or as soon as interrupts are no longer held."""
     if _held:
         _waiting.append(act)
     else:
@@ -19,14 +19,14 @@ def when_safe(act: Callable[[], None]) -> None:
 
 
 def hold_interrupts() -> None:
-    """Let signals wait until `release_interrupts` is called as often."""
+    """Let signals wait until `release_interrupts` is called as often; main thread only."""
     global _held
     if _in_main_thread():
         _held += 1
 
 
 def release_interrupts() -> None:
-    """Let signals wait no longer, and do what those ask for that came."""
+    """Undo one call of `hold_interrupts`; the last one does what waiting signals ask for."""
     global _held
     if _in_main_thread():
         _held -= 1

@@ -1,7 +1,7 @@
 """Which sources a kernel is compiled from: its own, and all of this package that it imports.
 
-numba compiles a kernel anew where the file that it stands in has changed. Functions and constants
-of other modules are built into it, too.
+numba compiles a kernel anew only where its own file has changed, but functions and constants of
+other modules are compiled into it, too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _IMPORT = re.compile(r"^(?:from|import) mlscli\.([\w.]+)", re.MULTILINE)
 
 
 def stamp(path: Path) -> Stamp:
-    """Return what changes with any source of a file: of each its name, time (ns), size (bytes)."""
+    """Return name, time of change (ns) and size (bytes) of a file and of all that it imports."""
     reached: set[Path] = set()
     waiting = {path}
     while waiting:

@@ -1,9 +1,9 @@
-"""How kernels are compiled: once, kept on disk, and never without a word.
+"""How kernels are compiled: once, kept on disk, and never without a notice.
 
 A kernel is compiled when it is first called, and loaded from then on: numba keeps it beside its
 source, or in the user's cache where that cannot be written, or in the folder that
-``NUMBA_CACHE_DIR`` names. It is compiled anew when a source that it is compiled from has changed;
-where no folder can be written, in every run.
+``NUMBA_CACHE_DIR`` names. It is compiled anew when one of its sources has changed; where no folder
+can be written, in every run.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ COMPILE_SECONDS = 40
 
 
 def kernel(function: Function) -> Function:
-    """Return a function that is compiled for the types it is called with.
+    """Return a function that is compiled for the types of the arguments it is called with.
 
-    It releases the interpreter's lock, and is compiled serially: threads take ranges of the work.
+    It releases the interpreter's lock, and is not parallel: threads call it on ranges of the work.
     """
     try:
         compiled = njit(cache=True, nogil=True, **_NO_C)(function)
@@ -48,25 +48,25 @@ def kernel(function: Function) -> Function:
 
 
 def _unkept(function: Callable[..., Any], why: str) -> Any:
-    """Compile a kernel in every run, and have the user told why."""
+    """Return a kernel that is compiled in every run, and note why, for the user."""
     _Compiling.not_kept = why
     return njit(nogil=True, **_NO_C)(function)
 
 
 class UnknownCache(Exception):  # noqa: N818
-    """The installed numba keeps compiled kernels in a way that is not known here."""
+    """The installed numba keeps compiled kernels in an unknown way."""
 
 
 def _follow_sources(compiled: Any, path: Path) -> None:
     """Have a kernel compiled anew when any source that is compiled into it changes.
 
-    numba looks at the file of the kernel alone, and has no public way to say more: this sets the
-    state of the sources that it compares with the one in which a kernel was compiled.
+    numba checks the file of the kernel alone, and has no public way to add others. So this sets the
+    private field that numba compares with the state of the sources when a kernel was compiled.
 
     Raises
     ------
     UnknownCache
-        numba has no such field any more. Kept kernels could then be older than their sources.
+        Where numba has no such field: kept kernels could be older than their sources.
     """
     kept: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if not hasattr(kept, "_source_stamp"):
@@ -74,25 +74,25 @@ def _follow_sources(compiled: Any, path: Path) -> None:
             f"numba {numba.__version__} keeps them in a way that is not known here; install an "
             "older numba, and report this"
         )
-    # A program without its sources can have no newer ones.
+    # Where there are no source files, none can have changed.
     with suppress(OSError):
         kept._source_stamp = stamp(path)
 
 
 def inner(function: Function) -> Function:
-    """Return a function that kernels call: compiled into them, as part of each.
+    """Return a function that is compiled into the kernels that call it.
 
-    Whoever else calls it runs it as Python.
+    Called from elsewhere, it runs as Python.
     """
     return register_jitable(**_NO_C)(function)
 
 
-# Nobody calls compiled functions by their address in C.
+# Compiled functions are never called from C.
 _NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}
 
 
 class _Compiling(event.Listener):
-    """Says that kernels are compiled, once, as soon as the first is; what is loaded is no event."""
+    """Gives one notice, when the first kernel is compiled; loading a kernel is no such event."""
 
     not_kept = ""
     _said = False
@@ -114,9 +114,9 @@ class _Compiling(event.Listener):
 
 
 class _Locked(event.Listener):
-    """Lets interrupts wait while a kernel is compiled or loaded, and until others have done so.
+    """Holds interrupts while a thread compiles or loads a kernel, or waits for others to do so.
 
-    LLVM calls back into Python meanwhile, and loses what is raised there.
+    LLVM calls back into Python meanwhile, and loses exceptions that are raised there.
     """
 
     def on_start(self, event: event.Event) -> None:  # noqa: ARG002

@@ -1,4 +1,4 @@
-"""What the user should hear while the program works; the library itself says nothing."""
+"""Notices for the user while the program works; the library itself prints nothing."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ _hearers: list[Callable[[str], None]] = []
 
 
 def hear(hearer: Callable[[str], None]) -> None:
-    """Have every notice of this process told to `hearer`, a line each."""
+    """Have `hearer` called with every notice of this process, a line each."""
     _hearers.append(hearer)
 
 
 def notice(line: str) -> None:
-    """Tell a line to whoever wants to hear it."""
+    """Pass a line to all hearers."""
     for hearer in _hearers:
         hearer(line)

@@ -16,12 +16,12 @@ from mlscli.runtime.arrays import Array
 
 
 class Scratch:
-    """A temporary file that arrays are put away in; it goes with the program, however that ends.
+    """A temporary file for arrays; it disappears with the program, however that ends.
 
     Parameters
     ----------
     folder : path, optional
-        Where the file lies; the system's place for temporary files where none is given.
+        Where the file lies; by default the system's folder for temporary files.
 
     Raises
     ------
@@ -34,7 +34,7 @@ class Scratch:
         self._lock = threading.Lock()
         self._size = 0
         try:
-            # It has no name, or loses it when it is closed: nothing is left behind.
+            # The file has no name, or is deleted when it is closed: nothing is left behind.
             self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115
         except OSError as error:
             raise self._failed(error) from error
@@ -46,7 +46,7 @@ class Scratch:
         self._file.close()
 
     def put(self, array: Array) -> Stored:
-        """Put an array away.
+        """Store an array of one dimension.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Scratch:
         Raises
         ------
         OutputError
-            They lie there no more.
+            Where the file has lost its end.
         """
         values = np.empty(size, dtype)
         data = values.view(np.uint8).data
@@ -92,7 +92,15 @@ class Scratch:
 
 @dataclass(frozen=True)
 class Stored:
-    """An array that was put away, of one dimension: slices of it are read."""
+    """An array of one dimension in a temporary file; slices with both ends are read from it.
+
+    Attributes
+    ----------
+    scratch : Scratch
+    dtype : numpy.dtype
+    offset : int
+        Where it begins in the file, in bytes.
+    """
 
     scratch: Scratch
     dtype: np.dtype[Any]

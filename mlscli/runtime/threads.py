@@ -1,4 +1,4 @@
-"""Work on ranges, by several threads; kernels release the interpreter's lock."""
+"""Work done by several threads, on ranges or call by call."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import TypeVar
 
 Result = TypeVar("Result")
 
-# A range worth a thread: below, starting one costs more than it saves. No longer, either, so that
-# an uneven load evens out, and an interrupt need not wait.
+# The length of a range: with shorter ones, starting a thread costs more than it saves; with longer
+# ones, the load is less even, and an interrupt waits longer.
 WORTHWHILE = 4096
-# The weight of work that takes some nanoseconds each: only long ranges of it are worth a thread.
+# The weight of items that take some nanoseconds each: only long ranges of them are worth a thread.
 LIGHT = 1 / 16
 
 _thread = threading.local()
@@ -38,12 +38,13 @@ def in_ranges(
     Parameters
     ----------
     size : int
+        Number of items.
     work : callable
-        Releases the interpreter's lock, or gains nothing.
+        Called by several threads; faster only where it releases the interpreter's lock.
     progress : callable, optional
-        Called with how much of `size` is done, now and then.
+        Called with the number of items done, now and then.
     weight : float
-        How much work each is, of which `WORTHWHILE` are worth a thread; `LIGHT` for the least.
+        Work for each item: `WORTHWHILE` items of weight 1 are worth a thread; `LIGHT` is the least.
     """
     pieces = max(1, min(size, math.ceil(size * weight / WORTHWHILE)))
     if pieces == 1:
@@ -71,15 +72,15 @@ def in_ranges(
 
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """Return threads that stay: to start them takes as long as many a stage."""
+    """Return threads that stay: starting them takes as long as a short stage."""
     return ThreadPoolExecutor(threads)
 
 
 def in_turn(calls: Iterable[Callable[[], Result]], threads: int) -> Iterator[Result]:
     """Make calls in several threads and yield what they return, in the order of the calls.
 
-    No more results wait than there are threads. Within a call, `in_ranges` starts no threads of
-    its own, and ends between two ranges when nobody waits for the result any more.
+    At most as many results wait as there are threads. Within a call, `in_ranges` starts no threads
+    of its own, and stops between two ranges once the iterator is closed.
 
     Parameters
     ----------
@@ -103,12 +104,12 @@ def in_turn(calls: Iterable[Callable[[], Result]], threads: int) -> Iterator[Res
 
 
 def _take_part(stopping: threading.Event) -> None:
-    """Make a thread one of several that make calls in turn."""
+    """Mark a thread as one of `in_turn`, with the event that stops it."""
     _thread.stopping = stopping
 
 
 def _stop(stopping: threading.Event) -> bool:
-    """Leave a call that nobody waits for."""
+    """Raise CancelledError in a call whose result is no longer wanted; else return False."""
     if stopping.is_set():
         raise CancelledError
     return False

@@ -70,11 +70,11 @@ def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = Non
     order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
     inserted = inserted.take(order)
     cells, low, high = OccupiedCells.of(inserted.ix, inserted.iy), inserted.low_end, inserted.height
-    mine = *cells, low, high
-    near = within_gap(*mine, *surface.cells, surface.low_end, surface.height, gap_size)
+    mine = cells, low, high
+    near = within_gap(*mine, surface.cells, surface.low_end, surface.height, gap_size)
     if holes is not None:
         there = OccupiedCells.of(holes.ix, holes.iy)
-        near |= within_gap(*mine, *there, holes.low_end, holes.height, gap_size)
+        near |= within_gap(*mine, there, holes.low_end, holes.height, gap_size)
     stays = ~near
     _choose_from_above(cells.start, low, *inserted[2:], gap_size, stays)
     return inserted.take(stays)

@@ -1,4 +1,4 @@
-"""Points sorted by blocks of cells, in memory or on disk, to be had area by area."""
+"""Points sorted by blocks of cells, in memory or on disk, so that areas can be read alone."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ POINT = np.dtype([("xyz", np.float64, (3,)), ("keyframe", np.int32)])
 
 
 class Sliceable(Protocol):
-    """An array, or one that is read when a slice of it is taken."""
+    """An array in memory, or one on disk that is read slice by slice."""
 
     def __getitem__(self, part: slice, /) -> Array: ...
 
 
 class SortedPoints(NamedTuple):
-    """Points that came together, sorted by block.
+    """Points that were added together, sorted by block.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class SortedPoints(NamedTuple):
     start : int64 (B + 1,)
         The points of block b are ``points[start[b]:start[b + 1]]``.
     points : Sliceable
-        Records of `POINT`.
+        Records, `POINT` (N,).
     """
 
     blocks: UInt64
@@ -65,8 +65,9 @@ class PointBlocks:
     Parameters
     ----------
     cell_size : float
+        Side of a cell, in the unit of the recording.
     put : callable, optional
-        Puts an array away, as `Scratch.put`; without one, points stay in memory.
+        Stores an array, as `Scratch.put` does; by default points stay in memory.
     shift : int
         Blocks are ``2**shift`` cells wide.
     """
@@ -96,7 +97,7 @@ class PointBlocks:
 
     @property
     def entries(self) -> int:
-        """How many blocks are listed in memory, those of each run by themselves."""
+        """How many blocks are listed in memory, counted once for each call of `add`."""
         return sum(len(run.blocks) for run in self._runs)
 
     def occupied(self) -> Occupied:
@@ -118,7 +119,7 @@ class PointBlocks:
 
 
 def _slices(run: SortedPoints, limits: Limits) -> Iterator[Array]:
-    """Yield the points of the blocks within limits; those that follow each other at once."""
+    """Yield the points of the blocks within limits, one slice for successive blocks."""
     least = LEAST_INDEX if limits.min_x is None else max(limits.min_x, LEAST_INDEX)
     greatest = GREATEST_INDEX if limits.max_x is None else min(limits.max_x, GREATEST_INDEX)
     low, high = pack(np.array([least, greatest]), np.array([LEAST_INDEX, GREATEST_INDEX]))

@@ -1,9 +1,9 @@
 """Tiles evaluated on more than one machine, by the workers of a Dask cluster.
 
-Each tile is a task of its own: the stages, and the points that it needs. The scheduler keeps it
-until its result is here, so that where a worker dies another evaluates its tiles anew. Workers run
-the same kernels on the same numbers, and are refused where their versions differ: so the map is
-the same, bit for bit.
+Each tile is one task: the stages, and the points that the tile needs. The scheduler keeps the task
+until its result has arrived, so that another worker can evaluate the tile if the first one dies.
+Workers run the same kernels on the same numbers, and are refused if their versions differ: the map
+is the same, bit for bit.
 
 References
 ----------
@@ -33,21 +33,21 @@ from mlscli.pipeline.tilewise.tiles import EvaluatedTile, Tile, evaluate, points
 from mlscli.runtime.threads import in_turn
 from mlscli.version import __version__
 
-# Seconds in which a cluster without workers may get one, twice over.
+# How long (s) to wait for a task, and then, where there is no worker, for one.
 PATIENCE_SECONDS = 15
 
-# Seconds until all machines must have told their versions: loading numba takes some.
+# How long (s) machines may take to report their versions: loading numba takes some of it.
 LOADED = 60
 
-# While a tile is evaluated, the next one is on its way.
+# Tiles sent for each thread of a worker: while one is evaluated, the next is on its way.
 AHEAD = 2
 
-# Bytes of memory that it takes here at most to send a point.
+# Bytes of memory that sending a point takes on this machine, at most.
 SENT = 200
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what the map's bits depend on."""
+    """Return the versions of the packages on which the bits of the map depend."""
     import numba
 
     return {"mlscli": __version__, "numpy": np.__version__, "numba": numba.__version__}
@@ -59,13 +59,18 @@ class Cluster:
     Parameters
     ----------
     name : str
-        What messages call it.
+        The name of the cluster in messages.
     client : distributed.Client
 
     Attributes
     ----------
     number : int
-        How many tiles could be evaluated at a time when it was connected to; at least one.
+        How many tiles could be evaluated at a time when the connection was made; at least 1.
+
+    Raises
+    ------
+    ClusterError
+        Where the cluster gets no worker, or its versions differ from those here.
     """
 
     def __init__(self, name: str, client: Any) -> None:
@@ -73,26 +78,27 @@ class Cluster:
         self._client = client
         self._versions = versions()
         with self._spoken_to():
-            # Something to do: a cluster that follows its load starts a worker for it.
+            # Some task, for which a cluster that adapts to its load starts a worker.
             self._failure(client.submit(os.getpid, pure=False))
-            # One that has left meanwhile may come back.
+            # Where all workers have left meanwhile, one may come back.
             self.number: int = max(1, sum(client.nthreads().values()))
             self._check()
 
     @property
     def memory_per_point(self) -> int:
-        """Bytes that it takes here, at most, for each point of the largest tile."""
+        """Bytes of memory that this machine needs for each point of the largest tile, at most."""
         return SENT * AHEAD * self.number
 
     def evaluate_all(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
     ) -> Iterator[EvaluatedTile]:
-        """Yield the tiles evaluated, in their order.
+        """Evaluate tiles, and yield the results in their order.
 
         Raises
         ------
         ClusterError
-            The scheduler, or all workers, are lost; a tile is too much for several in turn.
+            Where the scheduler or all workers are lost, or several workers in turn have died of a
+            tile.
         """
         pipeline = pipeline.reporting_to(Report())
         waiting: deque[tuple[Tile, Any]] = deque()
@@ -128,7 +134,7 @@ class Cluster:
                 raise failure
 
     def _failure(self, future: Any) -> BaseException | None:
-        """Wait until a task is done, but not for ever where nobody is to do it."""
+        """Wait until a task is done, and return its error, if any; give up if no worker comes."""
         while True:
             try:
                 failure: BaseException | None = future.exception(timeout=PATIENCE_SECONDS)
@@ -148,7 +154,7 @@ class Cluster:
             ) from None
 
     def _check(self) -> None:
-        """Refuse machines where other versions are installed."""
+        """Refuse machines on which other versions are installed."""
         found: dict[str, Any] = {}
         try:
             found["the scheduler"] = self._asked(self._client.run_on_scheduler)
@@ -159,7 +165,7 @@ class Cluster:
         workers = self._asked(self._client.run, on_error="return")
         found |= {f"worker {address}": answer for address, answer in workers.items()}
         for who, answer in found.items():
-            # One that is gone meanwhile does nothing wrong.
+            # A worker that has left meanwhile does no harm.
             if isinstance(answer, OSError):
                 continue
             if isinstance(answer, Exception):
@@ -168,7 +174,7 @@ class Cluster:
                 raise ClusterError(f"{self._name}: {_differing(who, answer, self._versions)}")
 
     def _asked(self, run: Callable[..., Any], **options: Any) -> Any:
-        """Have machines tell their versions, but not wait for ever for one that hangs."""
+        """Ask machines for their versions; do not wait for ever for one that hangs."""
         try:
             return run(versions, callback_timeout=LOADED, **options)
         except TimeoutError:
@@ -178,7 +184,7 @@ class Cluster:
 
     @contextmanager
     def _spoken_to(self) -> Iterator[None]:
-        """Say in a line that the scheduler is lost."""
+        """Turn a lost connection into an error of one line."""
         try:
             yield
         except (OSError, CancelledError) as error:
@@ -189,7 +195,18 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Order:
-    """A tile to evaluate, as it is sent."""
+    """A tile to evaluate, as it is sent to a worker.
+
+    Attributes
+    ----------
+    pipeline : Pipeline
+    points : Points
+        From `points_around`.
+    limits : Limits
+        The cells of the tile.
+    versions : dict of str
+        The versions that the worker must have, by package.
+    """
 
     pipeline: Pipeline
     points: Points
@@ -198,15 +215,21 @@ class Order:
 
 
 def carry_out(order: Order) -> EvaluatedTile:
-    """Evaluate a tile; called by a worker."""
+    """Evaluate a tile; called by a worker.
+
+    Raises
+    ------
+    ClusterError
+        Where its versions differ from those of the order.
+    """
     if versions() != order.versions:
         raise ClusterError(_differing("a worker that joined", versions(), order.versions))
-    # What arrives need not lie as the kernels, which are compiled already, have it.
+    # Arrays may arrive in a memory layout for which the kernels are not compiled yet.
     xyz = np.require(order.points.xyz, requirements=["C", "A", "W"])
     keyframe = np.require(order.points.keyframe, requirements=["C", "A", "W"])
     points = Points(xyz, keyframe)
     call = partial(evaluate, order.pipeline, points, order.limits)
-    # Dask has counted the processors: the stages start no threads of their own.
+    # Dask keeps all processors busy: the stages start no threads of their own.
     (result,) = in_turn([call], threads=1)
     return result
 
@@ -220,5 +243,5 @@ def _differing(who: str, found: Mapping[str, str], wanted: Mapping[str, str]) ->
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of what an error of Dask's says."""
+    """Return the first line of the message of an error."""
     return str(error).partition("\n")[0].strip()

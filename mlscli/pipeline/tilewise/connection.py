@@ -1,4 +1,4 @@
-"""Connections to Dask clusters: to one that runs, or to one that is started for the purpose."""
+"""Connections to Dask clusters: to a running one, or to one that is started for the purpose."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from mlscli.pipeline.tilewise.cluster import Cluster, first_line
 from mlscli.runtime.threads import processors
 
 LOCAL = "local"
-"""In place of an address: a cluster of this machine, for as long as it is needed."""
+"""In place of an address: a cluster on this machine, for as long as it is needed."""
 
 # Seconds until a scheduler must have answered, and until workers of this machine must have started.
 ANSWER, START = 10, 60
 
 _ADDRESS = re.compile(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s:/@\[\]]+):([0-9]{1,5})")
 
-# Words of Dask's own would stand beside the program's.
+# Dask's own messages would mix with those of the program.
 _QUIET = {"logging": {"distributed": "critical", "distributed.client": "critical"}}
 
-# A tile is larger than what Dask expects of a task, and meant to be.
+# Tiles are larger than the tasks that Dask expects, on purpose.
 _LARGE = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
 
 
 def refuse_local(scheduler: str | None) -> None:
-    """Refuse workers on this machine where the memory that is taken is counted.
+    """Refuse workers on this machine where memory is limited: theirs would not be counted.
 
     Raises
     ------
     UsageError
-        It is they.
+        Where `scheduler` is ``local``.
     """
     if scheduler == LOCAL:
         raise UsageError(
@@ -46,7 +46,7 @@ def refuse_local(scheduler: str | None) -> None:
 
 
 def check_address(scheduler: str) -> None:
-    """Refuse what is no address of a scheduler.
+    """Refuse what is neither the address of a scheduler nor ``local``.
 
     Raises
     ------
@@ -67,15 +67,19 @@ def connected(scheduler: str) -> Iterator[Cluster]:
     Parameters
     ----------
     scheduler : str
-        Its scheduler's address, ``tcp://host:port``, or ``local``: one process for each processor
-        of this machine.
+        The address of its scheduler, ``tcp://host:port``, or ``local``: a cluster of one process
+        for each processor of this machine.
+
+    Yields
+    ------
+    Cluster
 
     Raises
     ------
     UsageError
-        It is no address, or Dask is not installed.
+        Where it is no address, or Dask cannot be loaded.
     ClusterError
-        No scheduler answers there, there is no worker, or versions differ.
+        Where no scheduler answers, there is no worker, or versions differ.
     """
     check_address(scheduler)
     with ExitStack() as stack:
@@ -98,11 +102,11 @@ def connected(scheduler: str) -> Iterator[Cluster]:
 
 @contextmanager
 def _reached(address: str, distributed: Any) -> Iterator[Any]:
-    """Connect to a scheduler that runs."""
+    """Connect to a running scheduler."""
     try:
         _shake_hands(address, distributed)
         with warnings.catch_warnings():
-            # What Dask says of versions is looked at more closely later.
+            # Dask warns of other versions; `Cluster` checks them more closely.
             warnings.simplefilter("ignore")
             client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
     except Exception as error:
@@ -113,7 +117,7 @@ def _reached(address: str, distributed: Any) -> Iterator[Any]:
 
 
 def _shake_hands(address: str, distributed: Any) -> None:
-    """Try to connect; Dask's client would wait for ever for one that accepts and says nothing."""
+    """Try to connect; Dask's client would wait for ever where no answer follows."""
     import asyncio
 
     async def reach() -> None:
@@ -121,14 +125,14 @@ def _shake_hands(address: str, distributed: Any) -> None:
         reached = distributed.comm.connect(address, timeout=ANSWER, **security)
         await (await asyncio.wait_for(reached, ANSWER)).close()
 
-    # On a thread of its own: in a notebook this one runs a loop already.
+    # In a thread of its own: in a notebook this one runs an event loop already.
     with ThreadPoolExecutor(1) as pool:
         pool.submit(asyncio.run, reach()).result()
 
 
 @contextmanager
 def _started(dask: Any, distributed: Any) -> Iterator[Any]:
-    """Start a cluster of this machine."""
+    """Start a cluster on this machine."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mls-"))
         stack.enter_context(dask.config.set({"temporary-directory": folder}))
@@ -153,16 +157,16 @@ def _started(dask: Any, distributed: Any) -> Iterator[Any]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Start threads, and through them processes, that an interrupt from the keyboard spares.
+    """Block keyboard interrupts in the threads, and through them the processes, that are started.
 
-    The terminal sends it to all processes; it is this one that ends the others.
+    A terminal sends an interrupt to all processes; this one ends the others itself.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     from multiprocessing import resource_tracker
 
-    # Started later, it would let interrupts through in the thread that starts it.
+    # If it were started later, it would unblock interrupts in the thread that starts it.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

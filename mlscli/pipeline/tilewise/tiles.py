@@ -1,8 +1,9 @@
-"""The map evaluated tile by tile: by several workers, or where all points are too many at once.
+"""The map evaluated tile by tile: by several workers, or where memory cannot hold all points.
 
-A tile is evaluated from the points in it and within the reach of all stages around it; each stage
-uses up its own reach of that margin, and the tile itself comes out as one pass over all points has
-it. So neither the size of the tiles nor who evaluates them changes a bit of the map.
+A tile is evaluated from its points and those in a margin around it, as wide as the reach of all
+stages together. Each stage uses up its own reach of the margin, and the patches of the tile are
+those of one pass over all points. So neither the size of the tiles nor who evaluates them changes a
+bit of the map.
 """
 
 from __future__ import annotations
@@ -27,20 +28,29 @@ from mlscli.runtime.threads import in_turn
 
 
 class EvaluatedTile(NamedTuple):
-    """A tile of the map, and the account of how it was made."""
+    """A tile of the map, and the report of how it was made.
+
+    Attributes
+    ----------
+    surface : SurfaceMap
+        The patches of the tile, before the final stages.
+    report : Report
+        What was dropped in it, and where the time went.
+    """
 
     surface: SurfaceMap
     report: Report
 
 
 class Tile(NamedTuple):
-    """A rectangle of cells, without an end where it lies at the rim of the map.
+    """A rectangle of cells, without a limit at the rim of the map.
 
     Attributes
     ----------
     limits : Limits
+        The cells of the tile.
     points : int
-        Points in the blocks that it needs, its margin among them.
+        Number of points in all blocks of the tile and its margin.
     """
 
     limits: Limits
@@ -48,7 +58,7 @@ class Tile(NamedTuple):
 
 
 class Workers(Protocol):
-    """Those who evaluate tiles."""
+    """What evaluates tiles: threads, or a cluster."""
 
     @property
     def number(self) -> int:
@@ -56,18 +66,18 @@ class Workers(Protocol):
 
     @property
     def memory_per_point(self) -> int:
-        """Bytes that it takes here, at most, for each point of the largest tile."""
+        """Bytes of memory that this machine needs for each point of the largest tile, at most."""
 
     def evaluate_all(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
     ) -> Iterator[EvaluatedTile]:
-        """Yield the tiles evaluated, in their order."""
+        """Evaluate tiles, and yield the results in their order."""
 
 
-# Tiles of fewer points are mostly margin; larger ones than those have hardly less of it in all.
+# Tiles of fewer points are mostly margin; larger tiles than comfortable save hardly any margin.
 WORTHWHILE_POINTS, COMFORTABLE_POINTS = 50_000, 10**6
 
-# Bytes of memory that it takes at most to evaluate a point.
+# Bytes of memory that evaluating a point takes, at most.
 EVALUATED = 400
 
 
@@ -78,13 +88,13 @@ class Threads(NamedTuple):
 
     @property
     def memory_per_point(self) -> int:
-        """Bytes that it takes here, at most, for each point of the largest tile."""
+        """Bytes of memory that this machine needs for each point of the largest tile, at most."""
         return EVALUATED * self.number
 
     def evaluate_all(
         self, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
     ) -> Iterator[EvaluatedTile]:
-        """Yield the tiles evaluated, in their order."""
+        """Evaluate tiles, and yield the results in their order."""
 
         def call(limits: Limits) -> EvaluatedTile:
             return evaluate(pipeline, points_around(pipeline, blocks, limits), limits)
@@ -95,7 +105,7 @@ class Threads(NamedTuple):
 def map_in_tiles(
     pipeline: Pipeline, points: Points, workers: Workers, progress: Progress | None = None
 ) -> SurfaceMap:
-    """Return the map of all points, but for the final stages, made by several workers."""
+    """Return the map of all points before the final stages, evaluated by several workers."""
     blocks = PointBlocks(pipeline.cell_size)
     blocks.add(points)
     share = points.size // (2 * workers.number)
@@ -110,12 +120,12 @@ def evaluate_tiles(
     workers: Workers,
     progress: Progress | None = None,
 ) -> Iterator[SurfaceMap]:
-    """Yield the map of all points tile by tile, but for the final stages.
+    """Yield the map of all points before the final stages, tile by tile.
 
     Parameters
     ----------
     pipeline : Pipeline
-        Its report is told what became of the points of each tile.
+        Its report receives what became of the points of each tile.
     blocks : PointBlocks
     tiles : sequence of Tile
         From `tiles_of`.
@@ -137,7 +147,7 @@ def join(grid: Grid, parts: Sequence[SurfaceMap]) -> SurfaceMap:
         name: np.concatenate([column, *(part.columns[name] for part in parts)])
         for name, column in new_columns(0).items()
     }
-    # In each cell patches are in order: only the cells have to be put in theirs.
+    # The patches of each cell are in order already: only the cells have to be sorted.
     order = np.argsort(pack(columns["ix"], columns["iy"]), kind="stable")
     return SurfaceMap.of(grid, columns).take(order)
 
@@ -148,14 +158,15 @@ def points_around(pipeline: Pipeline, blocks: PointBlocks, limits: Limits) -> Po
 
 
 def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTile:
-    """Return the map within limits, and what became of the points in them.
+    """Return the map within limits, before the final stages, and what became of the points there.
 
     Parameters
     ----------
     pipeline : Pipeline
     points : Points
-        The `points_around`.
+        From `points_around`.
     limits : Limits
+        The cells of the tile.
     """
     report = Report()
     pipeline, cell_size = pipeline.reporting_to(report), pipeline.cell_size
@@ -178,15 +189,16 @@ def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTil
 
 
 def tiles_of(blocks: PointBlocks, reach: int, most: int) -> list[Tile]:
-    """Divide the plane into tiles, each with a block that holds points.
+    """Divide the plane into tiles, each with at least one block that holds points.
 
     Parameters
     ----------
     blocks : PointBlocks
     reach : int
-        How many cells the margins of tiles are wide.
+        Width of the margins, in cells.
     most : int
-        A tile of more points, its margin among them, is divided if it has more than one block.
+        A tile of more points, those of its margin counted, is divided if points lie in more than
+        one of its blocks.
     """
     margin = -(-reach >> blocks.shift)
     undivided = [(Limits(), blocks.occupied())]
