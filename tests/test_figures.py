@@ -7,7 +7,7 @@ with stages that do too much, and then its claims must fail.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from benchmarks import figures as told
 from benchmarks.shown import Claim, Shown, count_peaks, tables
 from mlscli.config import load
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.parameters.fields import parameter
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.stages.orphans import Orphans
 from mlscli.pipeline.stages.plaster import Plaster
@@ -79,13 +80,20 @@ def test_without_its_stages_nothing_is_left_of_a_figure(
     assert {row.claim for row in claims} - NOTHING_BAD
 
 
+@dataclass(frozen=True)
+class Greedy(Pyramids):
+    """Lowers whatever it meets, by a factor that no configuration may have."""
+
+    height_factor_thresh: float = parameter(-9.0, "below the least that is allowed")
+
+
 @pytest.mark.parametrize(
     ("figure", "greedy", "broken"),
     [
         (told.orphans, Orphans(min_neighbours=12), ["no true level does: missed"]),
         (
             told.pyramids,
-            Pyramids(height_factor_thresh=-9.0),
+            Greedy(),
             ["moved off a surface", "walls and corners"],
         ),
         (told.beside_the_bridge, Plaster(min_x=0), ["x and y swapped"]),

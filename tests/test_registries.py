@@ -114,6 +114,8 @@ PCD = (
     "POINTS 600\nDATA ascii\n"
 )
 
+PTS = "".join(f"{line} -100 1 2 3\n" for line in LINES.splitlines())
+
 EXAMPLES: dict[str, Callable[[Path], Path]] = {
     "ROS 1 bag": bag("ros1"),
     "ROS 2 bag": bag("ros2"),
@@ -123,6 +125,7 @@ EXAMPLES: dict[str, Callable[[Path], Path]] = {
     "text": written(LINES),
     "PLY": written(f"{PLY}end_header\n{LINES}"),
     "PCD": written(f"{PCD}{LINES}"),
+    "PTS": written(f"600\n{PTS}"),
     "LAS": las,
     "COLMAP model": colmap,
     "OpenSfM": opensfm,

@@ -40,7 +40,7 @@ def little(monkeypatch: pytest.MonkeyPatch) -> int:
     """Return a memory that has room for few points, and for few patches at a time."""
     monkeypatch.setattr(large, "SORTED", large.LEAST_BYTES // 800)
     monkeypatch.setattr(large, "ORDERED", large.LEAST_BYTES // 100)
-    monkeypatch.setattr(large, "COMFORTABLE", 1500)
+    monkeypatch.setattr(large, "COMFORTABLE_POINTS", 1500)
     monkeypatch.setattr(large, "resident", lambda: 100 * 2**20)
     return 100 * 2**20 + 2 * large.LEAST_BYTES
 

@@ -151,6 +151,13 @@ def _reconstructions(path: Path) -> list[Path]:
     return [file for file in places if file.is_file()]
 
 
+def _is_pts(_: Path, head: bytes) -> bool:
+    """Return whether a file begins with the count and the first point of a PTS."""
+    from mlscli.io.clouds.pts import is_pts
+
+    return is_pts(head)
+
+
 def _is_text(path: Path, head: bytes) -> bool:
     return path.is_file() and bool(head.strip()) and not _CONTROL.search(head)
 
@@ -181,6 +188,7 @@ FORMATS = (
         _reader("pcd", "PcdCloud"),
         listed=".pcd",
     ),
+    Format("PTS", _is_pts, _reader("pts", "PtsCloud"), listed=".pts"),
     Format("LAS", _starting(b"LASF"), _reader("las", "LasCloud"), listed=".las and .laz"),
     Format(
         "COLMAP model",
