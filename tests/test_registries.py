@@ -18,14 +18,18 @@ import numpy as np
 import pytest
 import zstandard
 
+from benchmarks.compiling import EVERY
 from mlscli.config import preset_text
 from mlscli.errors import InputError
 from mlscli.io.reading.formats import FORMATS, Format, open_source, readable
 from mlscli.io.writing.flight_bag import write_bag
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.pipeline.stages.registry import STAGES
+from mlscli.pipeline.stages.stage import MapStage
 from mlscli.runtime.arrays import Float64
 from tests.helpers import references
+from tests.helpers.pipelines import MAP_STAGES
+from tests.pipeline.stages.test_stages import STAGES as COMPARED
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 
@@ -45,10 +49,21 @@ def table(page: str) -> list[str]:
 
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_has_a_reference_a_row_in_the_docs_and_a_comment_in_the_presets(name: str) -> None:
-    assert callable(getattr(references, name))
-    assert f"`{name}`" in table("stages.md")
+    assert callable(getattr(references, name, None)), "tests/helpers/references.py"
+    assert f"`{name}`" in table("stages.md"), "docs/stages.md"
     presets = preset_text("default") + preset_text("thesis")
-    assert re.search(rf"^ *#.*\n(?: *#.*\n)* *(?:# ?)?- {name}\b", presets, re.MULTILINE)
+    assert re.search(rf"^ *#.*\n(?: *#.*\n)* *(?:# ?)?- {name}\b", presets, re.MULTILINE), (
+        "configs/"
+    )
+
+
+def test_every_stage_on_maps_is_compared_drawn_and_compiled() -> None:
+    on_maps = {name for name, stage in STAGES.items() if issubclass(stage, MapStage)}
+    compared = {draw.__name__ for draw in COMPARED}
+    assert compared == on_maps, "STAGES in tests/pipeline/stages/test_stages.py"
+    assert MAP_STAGES.keys() == on_maps, "MAP_STAGES in tests/helpers/pipelines.py"
+    compiled = {stage.partition(":")[0] for stage in EVERY}
+    assert compiled == STAGES.keys(), "EVERY in benchmarks/compiling.py"
 
 
 # --- formats ---
@@ -191,7 +206,7 @@ def test_a_format_is_read_and_its_damaged_twin_read_in_part_or_refused(
 @pytest.mark.parametrize("format_", READABLE, ids=name_of)
 def test_a_format_has_a_row_in_the_docs(format_: Format) -> None:
     words = format_.name.removeprefix("a file of a ").split(",")[0].lower()
-    assert any(words in row.lower() for row in table("reading.md"))
+    assert any(words in row.lower() for row in table("reading.md")), "docs/reading.md"
 
 
 def test_the_list_of_formats_names_them_all() -> None:

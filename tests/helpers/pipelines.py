@@ -74,8 +74,14 @@ _regions = st.builds(
     min_size=st.integers(1, 3),
     snap=st.booleans(),
 )
-_map_stages: list[st.SearchStrategy[MapStage]]
-_map_stages = [_orphans, _walls, _plaster, _pyramids, _regions]
+MAP_STAGES: dict[str, st.SearchStrategy[MapStage]] = {
+    "orphans": _orphans,
+    "walls": _walls,
+    "plaster": _plaster,
+    "pyramids": _pyramids,
+    "regions": _regions,
+}
+"""What `stage_lists` draws from."""
 
 
 @st.composite
@@ -91,7 +97,8 @@ def _within_limits(draw: st.DrawFn, stages: st.SearchStrategy[MapStage]) -> MapS
 @st.composite
 def stage_lists(draw: st.DrawFn, *, limits: bool = True) -> tuple[Stage, ...]:
     """Draw the stages of a configuration, those on points first."""
-    kinds = draw(st.permutations(_map_stages) | st.lists(st.sampled_from(_map_stages), max_size=4))
+    every = list(MAP_STAGES.values())
+    kinds = draw(st.permutations(every) | st.lists(st.sampled_from(every), max_size=4))
     on_points = draw(st.lists(_median, max_size=2))
     on_map = [draw(_within_limits(kind) if limits else kind) for kind in kinds]
     parameters_of((*on_points, *on_map)).check()

@@ -234,7 +234,7 @@ def extents_of(surface: SurfaceMap) -> dict[tuple[float, ...], tuple[float, floa
 def test_batches_take_back_what_was_inserted_and_change_cells_that_they_do_not_measure() -> None:
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=60, derandomize=True, database=None)
+    @settings(max_examples=200, derandomize=True, database=None)
     @given(flights(), stage_lists())
     def look(flight: list[Points], stages: tuple[Stage, ...]) -> None:
         builder = MapBuilder(parameters_of(stages))
