@@ -253,11 +253,8 @@ def test_a_wall_may_lie_on_the_true_surfaces_of_several_cells() -> None:
 
 
 def test_cells_at_the_ends_of_the_grid_have_no_neighbours_beyond() -> None:
-    corners = [
-        flat(1.0, x, y)
-        for x in (LEAST_INDEX, GREATEST_INDEX)
-        for y in (LEAST_INDEX, GREATEST_INDEX)
-    ]
+    ends = LEAST_INDEX, GREATEST_INDEX
+    corners = [flat(1.0, x, y) for x in ends for y in ends]
     for patch in corners:
         for true in corners:
             assert is_correct(patch, true) == (patch == true)
