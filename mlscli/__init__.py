@@ -53,7 +53,7 @@ __all__ = [
 _HOMES = {
     "Grid": ("mlscli.maps.grid", "Grid"),
     "MapBuilder": ("mlscli.building.builder", "MapBuilder"),
-    "Parameters": ("mlscli.config", "Parameters"),
+    "Parameters": ("mlscli.pipeline.parameters", "Parameters"),
     "SurfaceMap": ("mlscli.maps.surface_map", "SurfaceMap"),
     "build_map": ("mlscli.building.build", "build_map"),
     "load_parameters": ("mlscli.config", "load"),

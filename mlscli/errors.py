@@ -50,8 +50,19 @@ class ConfigError(UsageError):
         self.faults = tuple(faults)
 
 
-_ARGUMENT = re.compile(r"`([a-z][a-z_]*)`")
-_OPTIONS = {"sets": "--set"}
+# Arguments that are options of a command, under the same name with dashes; and those under others.
+_ARGUMENTS = (
+    *("add_param", "columns", "crop", "cumulative", "end", "every", "extrinsic", "field_of_view"),
+    *("frame", "grid", "holes", "jobs", "level", "max_slope", "memory", "outliers", "overwrite"),
+    *("pose_topic", "range", "route", "route_height", "salt_pepper", "scene", "scheduler"),
+    *("scratch", "section", "seed", "seeds", "sigma", "size", "sizes", "start", "time_source"),
+    *("topic", "up"),
+)
+OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}
+OPTIONS |= {"sets": "--set", "type_": "--type"}
+
+# A word by itself: names of files and topics that hold backquotes are left alone.
+_ARGUMENT = re.compile(r"(?<![^\s(])`([a-z_]+)`(?=[\s:;,]|$)")
 
 
 def with_options(message: str) -> str:
@@ -60,11 +71,9 @@ def with_options(message: str) -> str:
     Parameters
     ----------
     message : str
-        The message of an error or a note.
+        Of an error, or a note.
     """
-    return _ARGUMENT.sub(
-        lambda found: _OPTIONS.get(found[1], f"--{found[1].rstrip('_').replace('_', '-')}"), message
-    )
+    return _ARGUMENT.sub(lambda found: OPTIONS.get(found[1], found[0]), message)
 
 
 def expect(value: object, kinds: type | tuple[type, ...], argument: str, expected: str) -> None:

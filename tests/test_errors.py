@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ast
+import json
 import re
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import mlscli
-from mlscli.errors import UsageError, expect, with_options
+from mlscli.cli import COMMANDS
+from mlscli.errors import OPTIONS, UsageError, expect, with_options
 from tests.helpers.program import mls
 
 ROOT = Path(mlscli.__file__).parent
@@ -21,12 +25,53 @@ ROOT = Path(mlscli.__file__).parent
         ("say `time_source` log, or `frame` map", "say --time-source log, or --frame map"),
         ("`sets` a=b: unknown", "--set a=b: unknown"),
         ("`type_` 9: no such scene", "--type 9: no such scene"),
+        ("houses (`size` N)", "houses (--size N)"),
         ("a `b.txt` and `C` and ` d `", "a `b.txt` and `C` and ` d `"),
+        ("/a/`topic`.npz: no `nofile` in '`up`' or x`end`", None),
         ("no argument", "no argument"),
     ],
 )
-def test_arguments_are_options_on_the_command_line(message: str, spoken: str) -> None:
-    assert with_options(message) == spoken
+def test_arguments_are_options_on_the_command_line(message: str, spoken: str | None) -> None:
+    assert with_options(message) == (message if spoken is None else spoken)
+
+
+def test_every_option_that_is_named_is_one_of_a_command() -> None:
+    there = {
+        option
+        for module, _ in COMMANDS.values()
+        for parameter in import_module(module).command.params
+        for option in parameter.opts
+    }
+    assert set(OPTIONS.values()) <= there
+
+
+# What the library names beside options: arguments that no command has.
+OTHERS = {"across", "cluster", "follow", "points"}
+
+
+def test_every_argument_that_a_message_names_is_known() -> None:
+    for path in ROOT.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                if id(node) in docstrings or path.name == "errors.py":
+                    continue
+                named = set(re.findall(r"`([a-z_]+)`", node.value))
+                assert named <= OPTIONS.keys() | OTHERS, f"{path}: {node.value}"
+
+
+def test_notes_and_lists_name_options_too(tmp_path: Path) -> None:
+    rows = "".join(f"{n % 9} {n % 7} {n % 5} {n + 0.5} {n}\n" for n in range(200))
+    (tmp_path / "a.txt").write_text(rows)
+    notes = json.loads(mls("info", "a.txt", "--json", cwd=tmp_path).stdout)[0]["notes"]
+    foreseen = mls("build", "a.txt", "--dry-run", "--json", cwd=tmp_path)
+    for words in ("; ".join(notes), "; ".join(json.loads(foreseen.stdout)["notes"])):
+        assert "--columns says what they hold" in words
+    assert "(--size N)" in mls("synth", "--list", cwd=tmp_path).stdout
+    (tmp_path / "one.txt").write_text("1 2 3\n" * 9)
+    (note,) = json.loads(mls("info", "one.txt", "--json", cwd=tmp_path).stdout)[0]["notes"]
+    assert "say --cumulative, else" in note
 
 
 def test_the_same_fault_is_an_argument_in_the_library_and_an_option_of_the_command(

@@ -61,7 +61,7 @@ def imports(module: str) -> frozenset[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             inside = [f"{node.module}.{alias.name}" for alias in node.names]
             names |= {name if module_of(name) in MODULES else node.module for name in inside}
-        elif module in ("cli", "__init__") and isinstance(node, ast.Constant):
+        elif isinstance(node, ast.Constant) and str(node.value).startswith("mlscli."):
             names |= {str(node.value)} if module_of(str(node.value)) in MODULES else set()
     own = {module_of(name) for name in names if name.split(".")[0] == "mlscli"}
     return frozenset(own & MODULES.keys() - {module})

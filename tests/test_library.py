@@ -8,6 +8,8 @@ the argument and what would be right.
 
 from __future__ import annotations
 
+import copy
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,8 @@ from mlscli.errors import ConfigError, UsageError
 from mlscli.maps.change import Change
 from mlscli.maps.merging import merge_maps
 from mlscli.pipeline.parameters import MapParameters, Vehicle
+from mlscli.pipeline.stages.median import Median
+from mlscli.pipeline.stages.orphans import Orphans
 from mlscli.runtime.arrays import Float64
 from mlscli.scoring import compare_maps, score
 from tests.helpers.maps import Patch, map_of
@@ -45,6 +49,22 @@ def test_a_path_a_recording_and_its_points_make_one_map() -> None:
         np.testing.assert_array_equal(surface.columns[name], expected.columns[name])
     assert surface.meta["sources"] == ["array"]
     assert surface.meta["points"]["read"] == len(points)
+
+
+def test_what_is_masked_is_dropped_and_counted() -> None:
+    mask = np.zeros((4, 3), dtype=np.bool_)
+    mask[1, 2] = mask[3] = True
+    recording = mlscli.open_recording(np.ma.array(np.ones((4, 3)), mask=mask))
+    assert [len(keyframe.points) for keyframe in recording] == [2]
+    assert recording.tally.points_read == 4
+
+
+def test_an_array_may_be_changed_once_it_is_opened() -> None:
+    points: Float64 = np.ones((4, 3))
+    recording = mlscli.open_recording(points)
+    points[:] = 7.0
+    (keyframe,) = recording
+    assert (keyframe.points == 1.0).all()
 
 
 def test_points_in_memory_are_accounted_for_and_left_as_they_are() -> None:
@@ -114,6 +134,9 @@ WRONG: list[tuple[Callable[[Path], object], str, str]] = [
     (lambda _: mlscli.Parameters(vehicle={"width": 1}), "vehicle", "Vehicle"),  # type: ignore[arg-type]
     (lambda _: mlscli.Parameters(map=0.5), "map", "MapParameters"),  # type: ignore[arg-type]
     (lambda _: mlscli.Parameters(pipeline=("median",)), "pipeline", "Median"),  # type: ignore[arg-type]
+    (lambda _: mlscli.Parameters(pipeline=1), "pipeline", "Median"),  # type: ignore[arg-type]
+    (lambda _: mlscli.build_map(SAMPLE, EDGE, jobs="2"), "jobs", "whole number"),  # type: ignore[arg-type]
+    (lambda _: mlscli.MapBuilder(EDGE).add(np.ones((3, 3))), "keyframe", "Keyframe"),  # type: ignore[arg-type]
     (lambda _: SURFACE.with_columns(height=[1.0, 2.0]), "height", "an array"),
 ]
 
@@ -127,6 +150,18 @@ def test_a_wrong_type_is_refused_with_what_is_right(
     assert str(refusal.value).startswith(f"`{argument}`: found ")
     assert right in str(refusal.value).partition("; expected ")[2]
     assert not list(tmp_path.iterdir())
+
+
+def test_stages_are_taken_from_whatever_yields_them() -> None:
+    stages = (Median(), Orphans())
+    assert mlscli.Parameters(pipeline=iter(stages)).pipeline == stages  # type: ignore[arg-type]
+
+
+def test_jobs_and_points_that_are_none_are_wrong_usage() -> None:
+    with pytest.raises(UsageError, match=r"^`jobs` 0: expected a whole number of at least 1"):
+        mlscli.build_map(SAMPLE, EDGE, jobs=0)
+    with pytest.raises(UsageError, match=r"^`points`: found an array of shape \(30, 4\); "):
+        mlscli.MapBuilder(EDGE).process_cloud(np.ones((30, 4)))
 
 
 @pytest.mark.parametrize(
@@ -160,6 +195,8 @@ def test_the_arrays_of_a_map_are_read_only_however_it_was_made(tmp_path: Path) -
         built.union(SURFACE),
         merge_maps(SURFACE, SURFACE),
         changes[0].added,
+        copy.deepcopy(built),
+        pickle.loads(pickle.dumps(built, protocol=2)),
     ]
     for surface in maps:
         for name, column in {**surface.columns, "route": surface.route}.items():

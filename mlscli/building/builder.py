@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,7 @@ class MapBuilder:
             Where the map is finished.
         """
         self._require_unfinished()
+        expect(keyframe, Keyframe, "keyframe", "a Keyframe; process_cloud takes points")
         if self._gatherer.add(keyframe):
             self._process_waiting()
 
@@ -136,10 +138,13 @@ class MapBuilder:
         Raises
         ------
         UsageError
-            Where the map is finished.
+            Where the map is finished, or points have no three coordinates.
         """
         self._require_unfinished()
-        cloud = np.asarray(points, dtype=np.float64).reshape(-1, 3) + 0.0
+        cloud = np.asarray(points, dtype=np.float64)
+        if cloud.size and cloud.shape[-1] != 3:
+            raise UsageError(f"`points`: found an array of shape {cloud.shape}; expected (N, 3)")
+        cloud = cloud.reshape(-1, 3) + 0.0
         finite = np.isfinite(cloud)
         if not finite.all():
             rows = finite.all(axis=1)
@@ -287,6 +292,10 @@ def check_workers(parameters: Parameters, workers: Mapping[str, object], followe
     UsageError
         Where workers are asked for that would have nothing to do.
     """
+    jobs = workers.get("jobs")
+    expect(jobs, (int, NoneType), "jobs", "a whole number of at least 1")
+    if isinstance(jobs, int) and jobs < 1:
+        raise UsageError(f"`jobs` {jobs}: expected a whole number of at least 1")
     names = [name for name, asked_for in workers.items() if asked_for is not None]
     for name in names:
         if parameters.mode == "sequential":

@@ -125,6 +125,11 @@ class SurfaceMap:
                 expect(array, np.ndarray, name, "an array")
             array.setflags(write=False)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a copy: its arrays are read-only, too."""
+        self.__dict__.update(state)
+        self.__post_init__()
+
     @classmethod
     def of(
         cls,

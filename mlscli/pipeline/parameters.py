@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
@@ -93,10 +93,11 @@ class Parameters:
         for name, section in SECTIONS.items():
             kind = section.__name__
             expect(getattr(self, name), section, name, f"{kind}, such as {kind}()")
-        for stage in self.pipeline:
-            expect(stage, Stage, "pipeline", "stages, such as (Median(), Plaster())")
+        stages_expected = "stages, such as (Median(), Plaster())"
+        expect(self.pipeline, Iterable, "pipeline", stages_expected)
         stages = []
         for stage in self.pipeline:
+            expect(stage, Stage, "pipeline", stages_expected)
             missing = {
                 item.name: self._in_force(item.default_from)
                 for item in fields_of(type(stage)).values()

@@ -18,7 +18,7 @@ class PointArray(PointFile):
     Parameters
     ----------
     points : (N, 3), of any numbers
-        Copied, as float64.
+        Copied, as float64; what is masked is no measurement (NaN).
 
     Raises
     ------
@@ -35,7 +35,7 @@ class PointArray(PointFile):
                 f"an array of points has shape {points.shape} and dtype {points.dtype}; "
                 "expected numbers of shape (N, 3)"
             )
-        self._points = np.array(points, dtype=np.float64)
+        self._points = np.ma.filled(np.ma.array(points, dtype=np.float64, copy=True), np.nan)
 
     def _read(self) -> Content:
         return Content([Cloud(self._points)])

@@ -85,8 +85,9 @@ class _Scans:
         is_count[is_count] = [bool(_COUNT.fullmatch(row)) for row in rows[is_count]]
         is_point = (words > 0) & ~is_count
         if not self._width and is_point.any():
-            # What most have, as the first may be broken.
-            self._width = max(_WIDTHS, key=words.tolist().count)
+            # What most have, as the first may be broken; as many: what the first has.
+            common, first = words.tolist(), words[is_point][0]
+            self._width = max(_WIDTHS, key=lambda width: (common.count(width), width == first))
         is_whole = is_point & (words == self._width)
         points, is_whole[is_whole] = _parsed(rows[is_whole], self._width)
         broken = np.flatnonzero(is_point & ~is_whole)

@@ -147,6 +147,12 @@ def test_what_open3d_writes_is_read(tmp_path: Path, coloured: bool) -> None:
     np.testing.assert_allclose(parsed(content)[0], points, rtol=0, atol=5.1e-11)
 
 
+def test_of_widths_that_are_as_frequent_that_of_the_first_point_counts(tmp_path: Path) -> None:
+    points, _, losses = read(tmp_path, "2\n1 2 3\n4 5 6 x\n")
+    assert points == [[[1, 2, 3]]]
+    assert "1 of 2 points are missing" in losses[0]
+
+
 def test_a_scan_without_points_is_no_keyframe(tmp_path: Path) -> None:
     assert read(tmp_path, "1\n1 2 3\n0\n1\n4 5 6\n") == ([[[1, 2, 3]], [[4, 5, 6]]], [], [])
 
