@@ -139,7 +139,10 @@ class CellSet:
 
     def widened(self, reach: int) -> CellSet:
         """Return the set of all cells within `reach` of this one, in x and in y."""
-        return CellSet(self.keys, self.reach + reach)
+        wider = CellSet(self.keys, self.reach + reach)
+        # The cells listed are the same, and a batch asks for those of many such sets.
+        wider.__dict__["_strips"] = self._strips
+        return wider
 
     def contains(self, ix: Array, iy: Array) -> Bool:
         """Return which cells are in the set, bool (C,); fastest where they ascend."""

@@ -119,11 +119,13 @@ class SurfaceMap:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, for the caller, too."""
+        held = self.__dict__
         for name in _ARRAYS:
-            array = getattr(self, name)
+            array = held[name]
             if not isinstance(array, np.ndarray):
                 expect(array, np.ndarray, name, "an array")
-            array.setflags(write=False)
+            # By position: this runs for every map that a batch makes.
+            array.setflags(False)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a copy: its arrays are read-only, too."""

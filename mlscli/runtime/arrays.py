@@ -24,8 +24,8 @@ def frozen(array: Array) -> Array:
     for writable arrays it would be compiled once more.
     """
     if array.flags.writeable:
-        array = array.view()
-        array.flags.writeable = False
+        array = array[:]
+        array.setflags(write=False)
     return array
 
 
