@@ -119,6 +119,9 @@ def test_a_map_is_written_as_the_mesh_of_it(kind: str, tmp_path: Path) -> None:
 WRONG: list[tuple[Callable[[Path], object], str, str]] = [
     (lambda _: mlscli.build_map(1), "source", "points as an array"),  # type: ignore[arg-type]
     (lambda _: mlscli.open_recording(3.5), "sources", "path"),  # type: ignore[arg-type]
+    (lambda _: mlscli.open_recording(SAMPLE, frame=5), "frame", "a text"),  # type: ignore[arg-type]
+    (lambda _: mlscli.open_recording(SAMPLE, every="2"), "every", "whole"),  # type: ignore[arg-type]
+    (lambda _: mlscli.open_recording(SAMPLE, crop="0,1"), "crop", "numbers"),  # type: ignore[arg-type]
     (lambda _: mlscli.build_map(SAMPLE, {}), "parameters", "Parameters"),  # type: ignore[arg-type]
     (lambda _: mlscli.MapBuilder("a.yaml"), "parameters", "Parameters"),  # type: ignore[arg-type]
     (lambda _: mlscli.build_mesh("a.npz"), "surface", "SurfaceMap"),  # type: ignore[arg-type]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
@@ -285,6 +287,17 @@ def open_recording(
     InputError
         A source is missing, broken, of no known format, or cannot come into the map frame.
     """
+    for name, text in {
+        "topic": topic,
+        "columns": columns,
+        "frame": frame,
+        "pose_topic": pose_topic,
+    }.items():
+        expect(text, (str, NoneType), name, "a text")
+    expect(every, Integral, "every", "a whole number")
+    for name, numbers in {"crop": crop, "extrinsic": extrinsic}.items():
+        if isinstance(numbers, str):
+            expect(numbers, (tuple, list), name, "a sequence of numbers")
     selection = Selection(start, end, every, crop)
     if up not in (*UP_AXES, AUTO):
         raise UsageError(f"`up` {up}: expected one of {', '.join(UP_AXES)}, {AUTO}")
