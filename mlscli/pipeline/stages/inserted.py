@@ -66,6 +66,8 @@ def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = Non
     holes : Inserted, optional
         Patches that fill holes in cells, ascending by cell.
     """
+    if not len(inserted.ix):
+        return inserted
     gap_size = surface.gap_size
     order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
     inserted = inserted.take(order)
