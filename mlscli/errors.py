@@ -8,8 +8,10 @@ on the command line they are options, --time-source.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class MlsError(Exception):
@@ -76,15 +78,15 @@ def with_options(message: str) -> str:
     return _ARGUMENT.sub(lambda found: OPTIONS.get(found[1], found[0]), message)
 
 
-def expect(value: object, kinds: type | tuple[type, ...], argument: str, expected: str) -> None:
+def expect(value: object, kinds: Any, argument: str, expected: str) -> None:
     """Refuse an argument of a wrong type.
 
     Parameters
     ----------
     value : object
         The value of the argument.
-    kinds : type or tuple of types
-        The types allowed.
+    kinds : type, or tuple of types
+        The types allowed; `Callable` for functions.
     argument : str
         The name of the argument.
     expected : str
@@ -97,6 +99,48 @@ def expect(value: object, kinds: type | tuple[type, ...], argument: str, expecte
     """
     if not isinstance(value, kinds):
         raise TypeError(f"`{argument}`: found {type(value).__name__}; expected {expected}")
+
+
+def expect_path(value: object, argument: str, what: str) -> None:
+    """Refuse what is not a path.
+
+    Parameters
+    ----------
+    value : object
+        The value of the argument.
+    argument : str
+        The name of the argument.
+    what : str
+        What lies there, in words.
+
+    Raises
+    ------
+    TypeError
+        Where the value is neither a text nor path-like.
+    """
+    expect(value, (str, os.PathLike), argument, f"the path of {what}")
+
+
+def expect_items(value: object, argument: str, expected: str) -> None:
+    """Refuse what cannot be iterated, and a text, whose items are letters; as `expect`.
+
+    Parameters
+    ----------
+    value : object
+        The value of the argument.
+    argument : str
+        The name of the argument.
+    expected : str
+        What would be right, in words.
+
+    Raises
+    ------
+    TypeError
+        Where the value is a text, or holds no items.
+    """
+    expect(value, Iterable, argument, expected)
+    if isinstance(value, str):
+        raise TypeError(f"`{argument}`: found the text {value!r}; expected {expected}")
 
 
 def one_line(words: object) -> str:

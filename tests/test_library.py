@@ -9,8 +9,11 @@ the argument and what would be right.
 from __future__ import annotations
 
 import copy
+import inspect
 import pickle
 from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ import pytest
 
 import mlscli
 from mlscli.errors import ConfigError, UsageError
+from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change
 from mlscli.maps.merging import merge_maps
 from mlscli.pipeline.parameters import MapParameters, Vehicle
@@ -31,6 +35,17 @@ from tests.helpers.maps import Patch, map_of
 SAMPLE = Path(__file__).resolve().parent.parent / "data/samples/bridge.txt"
 SURFACE = map_of([Patch(0, 0, 0.0, 0.0, 0, 1), Patch(0, 1, 0.1, 0.0, 0, 2)])
 EDGE = mlscli.Parameters().with_cell_size(0.5)
+
+
+def enter(opens: Callable[..., AbstractContextManager[object]]) -> Callable[..., object]:
+    """Return a function that opens what another returns, with its signature."""
+
+    @wraps(opens)
+    def opened(**arguments: object) -> object:
+        with opens(**arguments) as value:
+            return value
+
+    return opened
 
 
 # --- what builds a map ---
@@ -153,6 +168,82 @@ def test_a_wrong_type_is_refused_with_what_is_right(
     assert str(refusal.value).startswith(f"`{argument}`: found ")
     assert right in str(refusal.value).partition("; expected ")[2]
     assert not list(tmp_path.iterdir())
+
+
+# --- wrong types, of every argument ---
+
+# Functions with arguments that are right.
+CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
+    "build_map": (mlscli.build_map, {"source": SAMPLE, "parameters": EDGE}),
+    "open_recording": (partial(mlscli.open_recording, SAMPLE), {}),
+    "load_parameters": (mlscli.load_parameters, {}),
+    "read_map": (mlscli.read_map, {}),
+    "write_map": (mlscli.write_map, {"path": "a", "surface": SURFACE}),
+    "write_ply": (mlscli.write_ply, {"path": "a", "mesh": SURFACE}),
+    "write_obj": (mlscli.write_obj, {"path": "a", "mesh": SURFACE}),
+    "write_glb": (mlscli.write_glb, {"path": "a", "mesh": SURFACE}),
+    "write_page": (mlscli.write_page, {"path": "a", "surface": SURFACE}),
+    "write_replay": (mlscli.write_replay, {"path": "a", "surface": SURFACE, "changes": []}),
+    "open_replay": (enter(mlscli.open_replay), {"path": "a"}),
+    "build_mesh": (mlscli.build_mesh, {"surface": SURFACE}),
+    "merge_maps": (mlscli.merge_maps, {"one": SURFACE, "other": SURFACE}),
+    "compare_maps": (compare_maps, {"a": SURFACE, "b": SURFACE}),
+    "score": (score, {"surface": SURFACE, "truth": SURFACE}),
+    "Parameters": (mlscli.Parameters, {}),
+    "Grid": (mlscli.Grid, {"cell_size": 1.0, "gap_size": 1.0, "thickness": 1.0}),
+    "MapBuilder": (mlscli.MapBuilder, {"parameters": EDGE}),
+    "add": (mlscli.MapBuilder(EDGE).add, {}),
+    "process_cloud": (mlscli.MapBuilder(EDGE).process_cloud, {}),
+    "of": (mlscli.SurfaceMap.of, {"grid": SURFACE.grid}),
+    "take": (SURFACE.take, {}),
+    "union": (SURFACE.union, {}),
+    "crop": (SURFACE.crop, {}),
+    "in_cells": (SURFACE.in_cells, {}),
+    "replace": (SURFACE.replace, {"cells": CellSet.of(SURFACE.ix, SURFACE.iy), "other": SURFACE}),
+}
+# Whatever counts as true is taken as True; the mode is a value of a configuration, see below.
+OTHERS = {"artificial", "cumulative", "overwrite", "mode"}
+
+
+def arguments(call: Callable[..., object]) -> list[str]:
+    named = inspect.signature(call).parameters.values()
+    return [a.name for a in named if a.kind is not a.VAR_POSITIONAL and a.name not in OTHERS]
+
+
+@pytest.mark.parametrize(
+    ("name", "argument"), [(name, a) for name in CALLS for a in arguments(CALLS[name][0])]
+)
+def test_what_no_function_takes_is_refused_by_each_for_every_argument(
+    name: str, argument: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    call, right = CALLS[name]
+    with pytest.raises(TypeError, match=f"^`{argument}`: found object; expected ."):
+        call(**right | {argument: object()})
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_public_function_is_among_those() -> None:
+    public = {name for name in mlscli.__all__ if callable(getattr(mlscli, name))}
+    assert public - {"SurfaceMap", "MlsError"} <= CALLS.keys()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: mlscli.load_parameters(sets="map.cell_size=0.2"),
+        lambda: mlscli.MapBuilder(EDGE, sources="a.bag"),
+    ],
+)
+def test_a_text_is_no_list_of_texts(call: Callable[[], object]) -> None:
+    with pytest.raises(TypeError, match=r"^`s[a-z]*`: found the text '.*'; expected a list of "):
+        call()
+
+
+@pytest.mark.parametrize("points", ["abc", [["a", 1.0, 2.0]], [[1.0, 2.0, 3.0], [1.0]]])
+def test_a_cloud_of_no_numbers_is_refused(points: Any) -> None:
+    with pytest.raises((TypeError, UsageError), match=r"^`points`: .* an array \(N, 3\)"):
+        mlscli.MapBuilder(EDGE).process_cloud(points)
 
 
 def test_stages_are_taken_from_whatever_yields_them() -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from types import NoneType
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -77,6 +78,9 @@ def build(
     """
     parameters = Parameters() if parameters is None else parameters
     expect(parameters, Parameters, "parameters", "Parameters")
+    expect(progress, (Callable, NoneType), "progress", "a function")
+    expect(follow, (Callable, NoneType), "follow", "a function")
+    expect(scheduler, (str, Cluster, NoneType), "scheduler", "an address, or a Cluster")
     followed = "" if follow is None else "`follow`"
     check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, followed)
     if isinstance(scheduler, str):

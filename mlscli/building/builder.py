@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.building.batching import BatchGatherer
-from mlscli.errors import UsageError, expect
+from mlscli.errors import UsageError, expect, expect_items
 from mlscli.keyframes.batches import gather
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import Change, points_in
@@ -93,6 +93,12 @@ class MapBuilder:
         cluster: Cluster | None = None,
     ) -> None:
         expect(parameters, Parameters, "parameters", "Parameters")
+        expect(frame_id, str, "frame_id", "a text")
+        expect_items(sources, "sources", "a list of texts")
+        expect(reading, (Mapping, NoneType), "reading", "a mapping of options")
+        expect(progress, (Callable, NoneType), "progress", "a function")
+        expect(follow, (Callable, NoneType), "follow", "a function")
+        expect(cluster, (Cluster, NoneType), "cluster", "a Cluster")
         followed = "" if follow is None else "`follow`"
         check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
         self.parameters = parameters
@@ -141,7 +147,12 @@ class MapBuilder:
             Where the map is finished, or points have no three coordinates.
         """
         self._require_unfinished()
-        cloud = np.asarray(points, dtype=np.float64)
+        expected = "points as an array (N, 3)"
+        try:
+            cloud = np.asarray(points, dtype=np.float64)
+        except (TypeError, ValueError):
+            expect(points, np.ndarray, "points", expected)
+            raise UsageError(f"`points`: found what is not numbers; expected {expected}") from None
         if cloud.size and cloud.shape[-1] != 3:
             raise UsageError(f"`points`: found an array of shape {cloud.shape}; expected (N, 3)")
         cloud = cloud.reshape(-1, 3) + 0.0

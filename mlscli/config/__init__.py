@@ -16,7 +16,7 @@ from typing import Any
 
 from mlscli.config.draft import Draft, DraftPart
 from mlscli.config.yaml_nodes import LocatedFault, Place, UnreadableYaml
-from mlscli.errors import ConfigError, InputError, nearest
+from mlscli.errors import ConfigError, InputError, expect_items, expect_path, nearest
 from mlscli.parameters.fields import ParameterField, fields_of, write_value
 from mlscli.pipeline.parameters import (
     DEFAULT_PIPELINE,
@@ -51,8 +51,10 @@ def load(source: str | os.PathLike[str] | None = None, sets: Sequence[str] = ())
     ConfigError
         Where the file or a setting is at fault; lists every fault.
     """
+    expect_items(sets, "sets", "a list of settings, such as ['map.cell_size=0.2']")
     if source is None:
         return _parameters("", None, sets)
+    expect_path(source, "source", "a configuration, or the name of a preset")
     if isinstance(source, str) and source in PRESETS:
         return loads(preset_text(source), source, sets)
     return loads(_file_text(source), os.fspath(source), sets)

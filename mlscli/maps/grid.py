@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, expect
+
+LENGTHS = ("cell_size", "gap_size", "thickness")
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,11 @@ class Grid:
     thickness: float
     frame_id: str = "map"
 
+    def __post_init__(self) -> None:
+        for name in LENGTHS:
+            expect(getattr(self, name), (float, Real), name, "a number")
+        expect(self.frame_id, str, "frame_id", "a text")
+
     def require_same(self, other: Grid) -> None:
         """Refuse a grid with other lengths; its frame may have another name.
 
@@ -38,7 +46,7 @@ class Grid:
         UsageError
             Where cell size, gap size or thickness differ.
         """
-        for name in ("cell_size", "gap_size", "thickness"):
+        for name in LENGTHS:
             mine, others = getattr(self, name), getattr(other, name)
             if mine != others:
                 raise UsageError(

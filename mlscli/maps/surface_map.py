@@ -11,6 +11,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate
+from numbers import Real
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -44,19 +47,22 @@ STATISTICS = ("top", "bottom", "mean", "variance")
 _ARRAYS = (*COLUMNS, "route")
 
 
+# Where the columns begin in a block of memory for one patch, and the length of the block.
+_OFFSETS = tuple(accumulate((dtype.itemsize for dtype in COLUMNS.values()), initial=0))
+
+
 def new_columns(size: int) -> dict[str, Any]:
     """Return columns by name, for `size` patches, not initialised.
 
     They share one block of memory: one large allocation is faster than many small ones.
     """
-    # Multiples of 64 bytes, so that each column is aligned.
-    bytes_of = {name: -(-dtype.itemsize * size // 64) * 64 for name, dtype in COLUMNS.items()}
-    block, end = np.empty(sum(bytes_of.values()), dtype=np.uint8), 0
-    columns = {}
-    for name, dtype in COLUMNS.items():
-        begin, end = end, end + bytes_of[name]
-        columns[name] = block[begin:end].view(dtype)[:size]
-    return columns
+    # A multiple of 64, so that each column is aligned.
+    room = -(-size // 64) * 64
+    block = np.empty(room * _OFFSETS[-1], dtype=np.uint8)
+    return {
+        name: np.ndarray(size, dtype, block, room * offset)
+        for (name, dtype), offset in zip(COLUMNS.items(), _OFFSETS, strict=False)
+    }
 
 
 def _no_route() -> Float64:
@@ -151,6 +157,11 @@ class SurfaceMap:
         meta : dict, optional
             By default both are empty.
         """
+        expect(grid, Grid, "grid", "a Grid")
+        if columns is not None:
+            expect(columns, Mapping, "columns", "the columns by name")
+        if meta is not None:
+            expect(meta, dict, "meta", "a dict")
         chosen: Any = new_columns(0) if columns is None else columns
         return cls(
             grid.cell_size,
@@ -200,6 +211,7 @@ class SurfaceMap:
 
     def take(self, which: Bool | Int64) -> SurfaceMap:
         """Return the patches that a mask selects, or indices, in the order of the indices."""
+        expect(which, np.ndarray, "which", "a mask or indices, as an array")
         if which.dtype == np.bool_ and which.all():
             return self
         chosen: Any = np.flatnonzero(which) if which.dtype == np.bool_ else which
@@ -217,6 +229,7 @@ class SurfaceMap:
 
     def union(self, other: SurfaceMap) -> SurfaceMap:
         """Return the patches of both, none merged, with the grid, route and meta of this map."""
+        expect(other, SurfaceMap, "other", "a map (SurfaceMap)")
         mine, others = self.sorted(), other.sorted()
         if not others.size:
             return mine
@@ -254,6 +267,7 @@ class SurfaceMap:
         origin : uint8 (N,)
             Columns of the inserted patches; the others are set as for every inserted patch.
         """
+        expect(ix, np.ndarray, "ix", "an array")
         if not len(ix):
             return self
         unmeasured = np.full(len(ix), -1, dtype=np.int32)
@@ -281,10 +295,14 @@ class SurfaceMap:
         max_y: int | None = None,
     ) -> SurfaceMap:
         """Return the patches whose cell indices lie within the limits, inclusive."""
-        return self.take(Limits(min_x, max_x, min_y, max_y).contain(self.ix, self.iy))
+        limits = Limits(min_x, max_x, min_y, max_y)
+        for name, limit in limits._asdict().items():
+            expect(limit, (Real, NoneType), name, "the index of a cell")
+        return self.take(limits.contain(self.ix, self.iy))
 
     def in_cells(self, cells: CellSet) -> SurfaceMap:
         """Return the patches in the cells of a set."""
+        expect(cells, CellSet, "cells", "a set of cells (CellSet)")
         return self.take(cells.contains(self.ix, self.iy))
 
     def replace(self, cells: CellSet, other: SurfaceMap) -> SurfaceMap:
@@ -295,6 +313,8 @@ class SurfaceMap:
         UsageError
             Where cell size, gap size or thickness differ.
         """
+        expect(other, SurfaceMap, "other", "a map (SurfaceMap)")
+        expect(cells, CellSet, "cells", "a set of cells (CellSet)")
         self.grid.require_same(other.grid)
         outside = self.take(~cells.contains(self.ix, self.iy))
         return outside.union(other.in_cells(cells))

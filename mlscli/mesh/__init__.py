@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -137,6 +138,9 @@ def build_mesh(
         Where the mesh would have more than `MAX_VERTICES` vertices, or coordinates beyond float64.
     """
     expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    expect(style, str, "style", f"one of {', '.join(STYLES)}")
+    expect(colour, str, "colour", f"one of {', '.join(COLOURS)}")
+    expect(max_slope, Real, "max_slope", "a finite number of 0 or more")
     if style not in STYLES:
         raise UsageError(f"style: is {style!r}; it must be one of {', '.join(STYLES)}")
     if colour not in COLOURS:

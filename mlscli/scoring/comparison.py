@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -149,6 +150,7 @@ def compare_maps(a: SurfaceMap, b: SurfaceMap, tolerance: float = 0.0) -> Compar
     """
     expect(a, SurfaceMap, "a", "a map (SurfaceMap)")
     expect(b, SurfaceMap, "b", "a map (SurfaceMap)")
+    expect(tolerance, Real, "tolerance", "a number of 0 or more")
     if not 0 <= tolerance < math.inf:
         raise UsageError(f"tolerance: is {tolerance!r}; it must be a number, 0 or more")
     require_same_cells(a, b)

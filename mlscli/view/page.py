@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.errors import OutputError, expect
+from mlscli.errors import OutputError, UsageError, expect, expect_path
 from mlscli.io.writing.atomic import atomic_write
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, height_scale
@@ -71,7 +71,13 @@ def write_page(
         Where the file exists and `overwrite` is False, it cannot be written, or the map is too
         large for a page.
     """
+    expect_path(path, "path", "the file to write")
     expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    expect(title, str, "title", "a text")
+    if points is not None:
+        expect(points, np.ndarray, "points", "points as an array (N, 3)")
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise UsageError(f"`points`: found an array of shape {points.shape}; expected (N, 3)")
     shown = picture(surface, points)
     header, data = _pack(surface, shown, title)
     if len(data) > _LARGEST_BYTES:

@@ -32,7 +32,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlscli.errors import expect
+from mlscli.errors import expect, expect_items
 from mlscli.io.writing.bag_messages import CLOUD_TYPE, PATH_TYPE, TF, TF_STATIC, TF_TYPE, BagWriter
 from mlscli.io.writing.flight_bag import nanoseconds, whole_bag
 from mlscli.io.writing.triangle_lists import MARKER_TYPE
@@ -114,6 +114,7 @@ def write_replay(
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
     expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    expect_items(changes, "changes", "the changes of batches (Change)")
     with open_replay(path, overwrite=overwrite) as replay:
         for change in changes:
             replay.follow(change)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from numbers import Integral
+from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from mlscli.errors import InputError, UsageError, expect
+from mlscli.errors import InputError, UsageError, expect, expect_items, expect_path
 from mlscli.geometry.transforms import bare
 from mlscli.geometry.up import UP_AXES
 from mlscli.io.clouds.pointarray import PointArray
@@ -294,10 +294,17 @@ def open_recording(
         "pose_topic": pose_topic,
     }.items():
         expect(text, (str, NoneType), name, "a text")
+    expect(up, str, "up", "a text")
+    expect(time_source, str, "time_source", "a text")
+    for name, time in {"start": start, "end": end}.items():
+        expect(time, (Real, NoneType), name, "a number of seconds")
     expect(every, Integral, "every", "a whole number")
     for name, numbers in {"crop": crop, "extrinsic": extrinsic}.items():
-        if isinstance(numbers, str):
-            expect(numbers, (tuple, list), name, "a sequence of numbers")
+        if numbers is not None:
+            expect_items(numbers, name, "a sequence of numbers")
+    if route is not None:
+        expect_path(route, "route", "a trajectory")
+    expect(glance, (Glance, NoneType), "glance", "a Glance")
     selection = Selection(start, end, every, crop)
     if up not in (*UP_AXES, AUTO):
         raise UsageError(f"`up` {up}: expected one of {', '.join(UP_AXES)}, {AUTO}")

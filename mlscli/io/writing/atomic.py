@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from mlscli.errors import OutputError
+from mlscli.errors import OutputError, expect_path
 
 
 def refuse_existing(
@@ -35,6 +35,7 @@ def refuse_existing(
         Where `path` exists and `overwrite` is False, is a folder or one of the `sources`, or its
         folder is missing.
     """
+    expect_path(path, "path", "the file to write")
     target = Path(path)
     for source in sources:
         if target.exists() and Path(source).exists() and target.samefile(source):

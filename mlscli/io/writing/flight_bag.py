@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mlscli.errors import OutputError, UsageError
+from mlscli.errors import OutputError, UsageError, expect_path
 from mlscli.io.ros import METADATA_FILE, NANOSECONDS
 from mlscli.io.writing.atomic import refuse_existing
 from mlscli.io.writing.bag_messages import (
@@ -136,6 +136,7 @@ def whole_bag(
     OutputError
         As `refuse_existing_bag`, and where the bag cannot be written.
     """
+    expect_path(path, "path", "the bag to write")
     target = Path(path)
     refuse_existing_bag(target, kind, overwrite=overwrite)
     target = target.absolute()

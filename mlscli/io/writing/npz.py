@@ -19,18 +19,17 @@ from typing import IO, Any
 
 import numpy as np
 
-from mlscli.errors import InputError, MlsError, expect
+from mlscli.errors import InputError, MlsError, expect, expect_path
 from mlscli.io.writing.atomic import atomic_write
+from mlscli.maps.grid import LENGTHS
 from mlscli.maps.stored_map import StoredMap, column_of
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.runtime.arrays import Array
 
 FORMAT, VERSION = "mls-map", 1
-LENGTHS = ("cell_size", "gap_size", "thickness")
 # The largest factor by which deflated data grow; a file that claims more is refused.
 DENSEST = 1032
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-
 
 # What reading a member of a damaged, encrypted or oddly compressed archive raises.
 _DAMAGED = (ValueError, EOFError, RuntimeError, zlib.error, lzma.LZMAError)
@@ -95,6 +94,7 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
         With the name of the file and the first fault: what is missing, or has the wrong type,
         shape, order or range.
     """
+    expect_path(path, "path", "a map")
     source = Path(path)
     with _reading(source), zipfile.ZipFile(source) as archive:
         members = _Members(archive)

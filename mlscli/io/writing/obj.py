@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mlscli.errors import OutputError
+from mlscli.errors import OutputError, expect_path
 from mlscli.io.writing.atomic import atomic_write, refuse_existing
 from mlscli.runtime.arrays import Array, Float64, UInt8
 
@@ -52,6 +52,7 @@ def write_obj(
         the materials cannot stand in an OBJ file, or is that of the mesh; or the mesh has too
         many vertices.
     """
+    expect_path(path, "path", "the file to write")
     mesh = mesh_of(mesh)
     target = Path(path)
     materials = target.with_suffix(".mtl")
