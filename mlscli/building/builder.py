@@ -98,9 +98,9 @@ class MapBuilder:
         expect(reading, (Mapping, NoneType), "reading", "a mapping of options")
         expect(progress, (Callable, NoneType), "progress", "a function")
         expect(follow, (Callable, NoneType), "follow", "a function")
-        expect(cluster, (Cluster, NoneType), "cluster", "a Cluster")
         followed = "" if follow is None else "`follow`"
         check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
+        expect(cluster, (Cluster, NoneType), "cluster", "a Cluster")
         self.parameters = parameters
         self.report = Report()
         self._sources = list(sources)
