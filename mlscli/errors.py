@@ -153,10 +153,15 @@ def shorten(text: str, width: int = 60) -> str:
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """Suggest the valid name that a wrong one was probably meant to be, or list them all."""
+def meant(name: str, valid: Iterable[str]) -> str | None:
+    """Return the valid name that a wrong one was probably meant to be; None: no one knows."""
     from difflib import get_close_matches
 
+    return next(iter(get_close_matches(name[:100].lower(), list(valid), n=1)), None)
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """Suggest the valid name that a wrong one was probably meant to be, or list them all."""
     choices = list(valid)
-    close = get_close_matches(name[:100].lower(), choices, n=1)
-    return f"did you mean {close[0]}?" if close else f"valid here: {', '.join(choices)}"
+    close = meant(name, choices)
+    return f"did you mean {close}?" if close else f"valid here: {', '.join(choices)}"

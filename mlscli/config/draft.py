@@ -23,7 +23,7 @@ from mlscli.config.yaml_nodes import (
     describe,
     read_yaml,
 )
-from mlscli.errors import nearest, shorten
+from mlscli.errors import meant, nearest, shorten
 from mlscli.parameters.fields import UNKNOWN, fields_of
 
 
@@ -207,8 +207,14 @@ class Draft:
         """Read the parameters of a section or a stage; it may have none."""
         part.place = place
         if isinstance(node, MapNode):
-            for key, value in self._entries(node, part.name, fields_of(part.owner)):
+            names = fields_of(part.owner)
+            for key, value in self._entries(node, part.name, names):
                 self._give(part, key, value)
+            for key, _ in node.entries:
+                # Its value may be this one: nothing can be said against it.
+                name = None if key.name in names else meant(key.name, names)
+                if name is not None:
+                    part.given.setdefault(name, Given(key.place, UNKNOWN))
         elif not isinstance(node, RefusedNode) and not _is_null(node):
             example = next(iter(fields_of(part.owner)))
             message = f"found {describe(node)}; expected parameters, such as {example}"

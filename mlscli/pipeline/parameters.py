@@ -48,7 +48,14 @@ class BatchParameters:
 
 SECTIONS = {"vehicle": Vehicle, "map": MapParameters, "batch": BatchParameters}
 DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
-    "median": {"recentre": Cells(0.75)},
+    "median": {
+        "max_nb": 24,
+        "min_nb": 3,
+        "recentre": Cells(0.75),
+        "level": Cells(1),
+        "min_share": 0.3,
+        "max_slope": 2.0,
+    },
     "orphans": {},
     "walls": {"join": Cells(2)},
     "plaster": {"slope_reach": Cells(2)},

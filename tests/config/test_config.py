@@ -21,7 +21,14 @@ from mlscli.config import PRESETS, load, loads, preset_text, to_yaml
 from mlscli.errors import ConfigError, InputError
 from mlscli.parameters.fields import fields_of
 from mlscli.parameters.lengths import Cells
-from mlscli.pipeline.parameters import BatchParameters, MapParameters, Parameters, Vehicle, to_dict
+from mlscli.pipeline.parameters import (
+    DEFAULT_PIPELINE,
+    BatchParameters,
+    MapParameters,
+    Parameters,
+    Vehicle,
+    to_dict,
+)
 from mlscli.pipeline.stages.median import Median
 from mlscli.pipeline.stages.orphans import Orphans
 from mlscli.pipeline.stages.plaster import Plaster
@@ -39,7 +46,15 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
         map=MapParameters(cell_size="auto", gap_size=Cells(3), thickness=Cells(1)),
         batch=BatchParameters(min_points=80),
         pipeline=(
-            Median(nb_radius=Cells(3), max_nb=16, min_nb=8, recentre=Cells(0.75)),
+            Median(
+                nb_radius=Cells(3),
+                max_nb=24,
+                min_nb=3,
+                recentre=Cells(0.75),
+                level=Cells(1),
+                min_share=0.3,
+                max_slope=2.0,
+            ),
             Orphans(horizontal=Cells(2), vertical=Cells(2), min_neighbours=1),
             Walls(height_thresh=0.5, max_gap=Cells(1), max_gap_enhanced=Cells(5), join=Cells(2)),
             Plaster(
@@ -162,9 +177,11 @@ def test_a_stage_that_is_named_follows_the_thesis_where_nothing_else_is_said() -
     named = loads("pipeline: [median, orphans, walls, plaster, pyramids]").pipeline
     assert named == (Median(), Orphans(), Walls(), Plaster(), Pyramids(max_height=Cells(3)))
     assert Median().recentre == Walls().join == Plaster().slope_reach == 0
+    assert Median().level == Median().min_share == Median().max_slope == 0
     assert not Pyramids().pits
     # A setting changes the parameter that it names, and no other.
-    assert load(None, ["median.min_nb=4"]).pipeline[0] == Median(min_nb=4, recentre=Cells(0.75))
+    median = Median(**DEFAULT_PIPELINE["median"] | {"min_nb": 4})
+    assert load(None, ["median.min_nb=4"]).pipeline[0] == median
 
 
 def test_the_default_preset_leaves_to_other_parameters_what_they_decide() -> None:

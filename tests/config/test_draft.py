@@ -141,7 +141,7 @@ def test_a_misspelt_key_is_one_fault_that_names_the_right_one(
         ("plaster.max_gap=*a", "aliases are not taken"),
         ("plaster.max_gap=-1", "of at least 0"),
         ("plaster.max_gap={x: 1}", "found keys with values"),
-        ("median.min_nb=20", "max_nb"),
+        ("median.min_nb=30", "max_nb"),
         ("=3", "no name is given"),
         ("a.b.c=3", "unknown name"),
         ("pipeline=[]", "unknown name"),
@@ -161,7 +161,7 @@ def test_faults_of_settings_come_with_those_of_the_file() -> None:
 
 def test_a_setting_at_fault_in_several_stages_is_one_fault() -> None:
     assert "x" in only_fault_of("pipeline: [orphans, orphans]", ("orphans.vertical=x",))
-    assert "20" in only_fault_of("pipeline: [median, median]", ("median.min_nb=20",))
+    assert "30" in only_fault_of("pipeline: [median, median]", ("median.min_nb=30",))
 
 
 def test_a_value_at_fault_in_the_file_is_a_fault_even_where_a_setting_replaces_it() -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import cycle, islice
+from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
@@ -34,12 +35,18 @@ _narrow = st.sampled_from([0.4, 0.5, Cells(1), 1.1, 0.0])
 _wide = st.sampled_from([1.6, 1.1, Cells(4), 0.0])
 _slope = st.sampled_from([0.0, 0.5, 1.0])
 
-_median = st.builds(
+_of_median: dict[str, Any] = {
+    "nb_radius": st.sampled_from([0.4, 0.8, Cells(2)]),
+    "max_nb": st.sampled_from([0, 3, 6]),
+    "min_nb": st.integers(0, 3),
+    "recentre": st.sampled_from([0.0, 0.1, Cells(0.75)]),
+}
+_median = st.builds(Median, **_of_median) | st.builds(
     Median,
-    nb_radius=st.sampled_from([0.4, 0.8, Cells(2)]),
-    max_nb=st.sampled_from([0, 3, 6]),
-    min_nb=st.integers(0, 3),
-    recentre=st.sampled_from([0.0, 0.1, Cells(0.75)]),
+    **_of_median,
+    level=st.sampled_from([0.3, Cells(1)]),
+    min_share=st.sampled_from([0.0, 0.3]),
+    max_slope=st.sampled_from([0.0, 0.4, 2.0]),
 )
 _orphans = st.builds(
     Orphans,

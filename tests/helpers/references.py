@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 
+import numpy as np
+
 from mlscli.keyframes.batches import Points
 from tests.helpers.maps import Patch, ordered
 
@@ -29,7 +31,13 @@ def cells(length: float, cell_size: float) -> int:
 
 
 def median(
-    points: Points, nb_radius: float, max_nb: int, min_nb: int, recentre: float = 0.0
+    points: Points,
+    nb_radius: float,
+    max_nb: int,
+    min_nb: int,
+    recentre: float = 0.0,
+    level: float = math.inf,
+    min_share: float = 0.0,
 ) -> list[tuple[Point, int]]:
     rows = [tuple(row) for row in points.xyz.tolist()]
 
@@ -47,7 +55,9 @@ def median(
 
     result = []
     for i, (x, y, z) in enumerate(rows):
-        if len(neighbours(i, z)) < min_nb:
+        around = neighbours(i, z)
+        speak = [other for other in around if abs(other - z) <= level]
+        if len(speak) < max(min_nb, min_share * len(around)):
             continue
         heights = sorted([z, *neighbours(i, z)])
         middle = heights[len(heights) // 2]
@@ -56,6 +66,39 @@ def median(
             middle = heights[len(heights) // 2]
         result.append(((x, y, middle), int(points.keyframe[i])))
     return result
+
+
+def along_slope(
+    points: Points, nb_radius: float, max_nb: int, max_slope: float
+) -> list[float | None]:
+    """Return the median heights of points along the slopes of their neighbours.
+
+    None: it is a matter of rounding whether they lie on a slope.
+    """
+    heights: list[float | None] = []
+    for i, place in enumerate(points.xyz):
+        offsets = np.delete(points.xyz, i, axis=0) - place
+        squared = (offsets * offsets).sum(axis=1)
+        near = squared <= nb_radius * nb_radius
+        if max_nb and near.sum() > max_nb:
+            near &= squared <= np.sort(squared)[max_nb - 1]
+        all_of_them = np.vstack((offsets[near], np.zeros(3)))
+        x, y, z = (all_of_them - all_of_them.mean(axis=0)).T
+        on_line = np.linalg.eigvalsh(np.cov(x, y)) if len(x) > 4 else np.zeros(2)
+        if on_line[0] <= 1e-9 * on_line[1]:
+            heights.append(float(place[2]))
+            continue
+        slope = np.linalg.lstsq(np.column_stack((x, y)), z, rcond=None)[0]
+        scatter = np.var(z - slope @ (x, y), ddof=1)
+        steep, upright = np.hypot(*slope) - max_slope, scatter - 2 * on_line[0]
+        if abs(steep) < 1e-3 or abs(upright) < 1e-3 * on_line[0]:
+            heights.append(None)
+        elif steep > 0 or upright > 0:
+            heights.append(float(place[2]))
+        else:
+            carried = all_of_them[:, 2] - all_of_them[:, :2] @ slope
+            heights.append(float(place[2] + np.sort(carried)[len(carried) // 2]))
+    return heights
 
 
 def measured(

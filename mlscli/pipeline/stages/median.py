@@ -10,23 +10,30 @@ An outlier's neighbours all lie on the near side of a noisy surface, so that it 
 below it. With `recentre`, a point whose height moves by more than that takes the median once more,
 of its new height and of the neighbours that it has there.
 
-Points that lie close together share one search: all candidates are collected once. Where only the
-nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours and
-grows until it has found enough: even in a dense cloud, each point is compared with few others.
+Two rules are better than the thesis's on real clouds, where whole regions are thin, and where walls
+end. With `level`, a point is held against its own surroundings: only neighbours that lie at most so
+far above or below it speak for it, at least `min_nb` of them, and at least the share `min_share` of
+all; the others lie on a surface that the point is not part of. With `max_slope`, heights are
+compared along the slope on which the neighbours lie (see `mlscli.pipeline.stages.slope`); those at
+the distance of the last that counts count as well. Where they lie on no slope up to that one, along
+walls, trunks and poles, the point keeps its height: a median would move the ends of what is upright
+towards its middle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from mlscli.keyframes.batches import Points
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
+from mlscli.pipeline.stages.nearest import HEIGHT, ROOM, ROWS, SQUARED, middle, neighbours
 from mlscli.pipeline.stages.point_grid import PointGrid, columns_around, gather
+from mlscli.pipeline.stages.slope import carry
 from mlscli.pipeline.stages.stage import Evaluated, Fault, PointStage
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 from mlscli.runtime.kernels import inner, kernel
@@ -34,18 +41,10 @@ from mlscli.runtime.threads import in_ranges
 
 # At most so many points of a fine column, one above the other, share a search.
 _TOGETHER = 16
-# How much farther than the last points' neighbours the next ones are sought at first, and by how
-# much the search grows where it finds too few.
-FIRST_MARGIN, RETRY_GROWTH = 1.4, 1.5
+# How much farther than the last points' neighbours the next ones are sought at first.
+FIRST_MARGIN = 1.4
 # The search begins with no less than the radius divided by this.
 _NEAREST = 64
-# Trials to find a limit within which exactly `max_nb` points lie; with equal distances none may.
-_TRIALS = 12
-# At most so many heights are sorted faster without a branch.
-_FEW_HEIGHTS = 32
-# Rows of a buffer after x, y, z of the points around: squared distances, and heights of those that
-# count. Then the number of rows, and the length at first.
-_SQUARED, _HEIGHT, _ROWS, _ROOM = 3, 4, 5, 256
 # The mask that stands for all points.
 _ALL = np.empty(0, dtype=np.bool_)
 
@@ -67,13 +66,37 @@ class Median(PointStage):
         low=0,
     )
 
+    level: Length = parameter(
+        0,
+        "how far above or below a point a neighbour may lie that speaks for it; 0: any does",
+        low=0,
+    )
+    min_share: float = parameter(
+        0.0,
+        "a point is dropped for which a smaller share of its neighbours speaks, see level",
+        low=0,
+        high=1,
+    )
+    max_slope: float = parameter(
+        0.0,
+        "heights are compared along the slope of the neighbours, up to this one; where they lie "
+        "on none, the point keeps its height; 0: heights are compared as they are",
+        low=0,
+    )
+
     def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
-        """Yield a fault where no point could ever have enough neighbours."""
+        """Yield a fault where no point could have enough neighbours, or a share means nothing."""
         if 0 < self.max_nb < self.min_nb:
             yield Fault(
                 "min_nb",
                 f"{self.min_nb} is above max_nb ({self.max_nb}), so that every point would be "
                 f"dropped; at most {self.max_nb}, or max_nb: 0",
+            )
+        if self.min_share > 0 and in_units(self.level, 1.0) == 0:
+            yield Fault(
+                "min_share",
+                f"{self.min_share} does nothing where level is 0, as all neighbours speak for a "
+                "point; set level, such as 1 cells, or min_share: 0",
             )
 
     def reach(self, cell_size: float) -> int:
@@ -88,21 +111,53 @@ class Median(PointStage):
         progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
         """Return the median heights of points; see `PointStage.evaluate`."""
-        radius = in_units(self.nb_radius, cell_size)
-        recentre = in_units(self.recentre, cell_size)
-        grid = PointGrid.of(points.xyz, radius)
+        rule = Rule(
+            in_units(self.nb_radius, cell_size),
+            self.max_nb,
+            self.min_nb,
+            in_units(self.recentre, cell_size),
+            in_units(self.level, cell_size) or np.inf,
+            float(self.min_share),
+            float(self.max_slope),
+        )
+        grid = PointGrid.of(points.xyz, rule.radius)
         height = np.empty(points.size)
         which = _ALL if asked is None else asked
         looked = np.empty(len(which))
 
         def filter_points(begin: int, end: int) -> None:
-            _filter(
-                grid, *grid.columns(begin, end), radius, self.max_nb, self.min_nb, recentre,
-                which, height, looked,
-            )  # fmt: skip
+            _filter(grid, *grid.columns(begin, end), rule, which, height, looked)
 
         in_ranges(points.size, filter_points, progress)
         return Evaluated(height, looked)
+
+
+class Rule(NamedTuple):
+    """The parameters of a median, lengths in the unit of the points.
+
+    Attributes
+    ----------
+    radius : float
+        Radius in which neighbours are sought.
+    max_nb, min_nb : int
+        The most neighbours that count (0: all), and the fewest with which a point is kept.
+    recentre : float
+        A point whose height moves farther takes the median again from there; 0: never.
+    level : float
+        How far above or below a point a neighbour lies at most that speaks for it.
+    min_share : float
+        The least share of the neighbours that must speak for a point.
+    max_slope : float
+        The steepest slope along which heights are compared; 0: along none.
+    """
+
+    radius: float
+    max_nb: int
+    min_nb: int
+    recentre: float
+    level: float
+    min_share: float
+    max_slope: float
 
 
 @kernel
@@ -110,10 +165,7 @@ def _filter(
     grid: PointGrid,
     begin: int,
     end: int,
-    radius: float,
-    max_nb: int,
-    min_nb: int,
-    recentre: float,
+    rule: Rule,
     asked: Bool,
     height: Float64,
     looked: Float64,
@@ -126,12 +178,7 @@ def _filter(
         All points, by columns.
     begin, end : int
         Range of columns.
-    radius : float
-        Radius in which neighbours are sought, in the unit of the points.
-    max_nb, min_nb : int
-        The most neighbours that count (0: all), and the fewest with which a point is kept.
-    recentre : float
-        A point whose height moves farther takes the median again from there; 0: never.
+    rule : Rule
     asked : bool (N,)
         The points to filter; empty: all.
     height : float64 (N,)
@@ -140,7 +187,7 @@ def _filter(
         Receives the squares of how far the search went; not used where `asked` is empty.
     """
     fine = grid.fine
-    near = np.empty((_ROWS, _ROOM))
+    near = np.empty((ROWS, ROOM))
     nine = np.empty(9, dtype=np.int64)
     for column in range(begin, end):
         around = nine[: columns_around(grid, column, nine)]
@@ -150,8 +197,7 @@ def _filter(
                 last = min(first + _TOGETHER, fine[number + 1])
                 if _any_asked(asked, grid.order, first, last):
                     near, reached = _filter_together(
-                        grid, around, first, last, radius, max_nb, min_nb, recentre,
-                        reached, near, asked, height, looked,
+                        grid, around, first, last, rule, reached, near, asked, height, looked
                     )  # fmt: skip
 
 
@@ -161,10 +207,7 @@ def _filter_together(
     around: Int64,
     first: int,
     last: int,
-    radius: float,
-    max_nb: int,
-    min_nb: int,
-    recentre: float,
+    rule: Rule,
     reached: float,
     near: Float64,
     asked: Bool,
@@ -181,24 +224,24 @@ def _filter_together(
         The column of these points, and those that touch it.
     first, last : int
         Range of places in the grid.
-    radius, max_nb, min_nb, recentre
-        As in `_filter`.
+    rule : Rule
     reached : float
         How far the neighbours of the last points reached, on average.
-    near : float64 (_ROWS, M)
+    near : float64 (ROWS, M)
         A buffer.
     asked, height, looked
         As in `_filter`.
 
     Returns
     -------
-    near : float64 (_ROWS, M)
+    near : float64 (ROWS, M)
         The buffer, which may have grown.
     reached : float
         How far the neighbours of these points reach, on average, counting points with `max_nb`
         neighbours only; unchanged where there are none.
     """
     xyz, order = grid.xyz, grid.order
+    radius, max_nb = rule.radius, rule.max_nb
     low, high = xyz[first, 2], xyz[last - 1, 2]
     # Where points coincide, `reached` may be 0.
     distance = min(max(FIRST_MARGIN * reached, radius / _NEAREST), radius)
@@ -210,32 +253,46 @@ def _filter_together(
         point, z = order[i], xyz[i, 2]
         if len(asked) and not asked[point]:
             continue
-        median, farthest = np.nan, 0.0
+        new, farthest = np.nan, 0.0
         for again in (False, True):
             there, there_size, itself = near, size, own + i - first
             if cut and not low <= z <= high:
                 there, there_size, itself, _ = gather(
-                    grid, around, (i, i + 1), (z, z), distance, np.empty((_ROWS, _ROOM))
+                    grid, around, (i, i + 1), (z, z), distance, np.empty((ROWS, ROOM))
                 )
-            there, n, limit = _neighbours(
+            there, there_size, n, limit = neighbours(
                 grid, around, i, z, radius, max_nb, distance, there, there_size, itself
             )
             farthest = max(farthest, limit)
             if 0 < max_nb == n:
                 reaches += np.sqrt(limit)
                 several += 1
-            if n < min_nb and not again:
+            if not again and not _belongs(there[HEIGHT], n, z, rule):
                 break
-            there[_HEIGHT, n] = z
-            median = _middle(there[_HEIGHT], there[_SQUARED], n + 1)
+            if rule.max_slope > 0.0:
+                place = (xyz[i, 0], xyz[i, 1], z)
+                n = carry(there, there_size, place, limit, radius, rule.max_slope)
+            new = z
+            if n >= 0:
+                there[HEIGHT, n] = z
+                new = middle(there[HEIGHT], there[SQUARED], n + 1)
             # Far from its surface a point sees the near side of it only: look from there.
-            if not 0 < recentre < abs(median - z):
+            if not 0 < rule.recentre < abs(new - z):
                 break
-            z = median
-        height[point] = median
+            z = new
+        height[point] = new
         if len(asked):
             looked[point] = farthest
     return near, reaches / several if several else reached
+
+
+@inner
+def _belongs(heights: Float64, n: int, z: float, rule: Rule) -> bool:
+    """Return whether enough of a point's n neighbours, given by their heights, speak for it."""
+    speak = 0
+    for j in range(n):
+        speak += abs(heights[j] - z) <= rule.level
+    return bool(speak >= rule.min_nb and speak >= rule.min_share * n)
 
 
 @inner
@@ -247,169 +304,3 @@ def _any_asked(asked: Bool, order: Array, first: int, last: int) -> bool:
     for i in range(first, last):
         some |= asked[order[i]]
     return some
-
-
-@inner
-def _neighbours(
-    grid: PointGrid,
-    around: Int64,
-    i: int,
-    z: float,
-    radius: float,
-    max_nb: int,
-    distance: float,
-    near: Float64,
-    size: int,
-    own: int,
-) -> tuple[Float64, int, float]:
-    """Find the neighbours that count of point i, as if it were at height z.
-
-    With `max_nb`, the search is complete as soon as so many points lie within the distance; until
-    then the distance grows, up to the radius.
-
-    Parameters
-    ----------
-    grid : PointGrid
-        All points, by columns.
-    around : int64
-        The point's column, and those that touch it.
-    i : int
-        Place of the point in the grid.
-    z : float
-        Height from which neighbours are sought.
-    radius, max_nb
-        As in `_filter`.
-    distance : float
-        All points within this distance are in the buffer, and maybe others.
-    near : float64 (_ROWS, M)
-        The buffer, with x, y, z of points.
-    size : int
-        How many points are in the buffer.
-    own : int
-        Index of the point itself in the buffer; -1: it is not there.
-
-    Returns
-    -------
-    near : float64 (_ROWS, M)
-        The buffer, or another one, with the heights of the neighbours in its row `_HEIGHT`.
-    n : int
-        How many neighbours count.
-    limit : float
-        The square of the greatest distance at which a point can be one of them.
-    """
-    while True:
-        _measure(near, size, grid.xyz[i, 0], grid.xyz[i, 1], z)
-        near[_SQUARED, own] = np.inf
-        whole = distance >= radius
-        limit = radius * radius if whole else min(distance * distance, radius * radius)
-        n, limit = _nearest(near, size, limit, max_nb)
-        if whole or 0 < max_nb <= n:
-            return near, n, limit
-        distance *= RETRY_GROWTH
-        near = np.empty((_ROWS, _ROOM))
-        near, size, own, _ = gather(grid, around, (i, i + 1), (z, z), min(distance, radius), near)
-
-
-@inner
-def _measure(near: Float64, size: int, x: float, y: float, z: float) -> None:
-    """Write the squared distances of the buffer's points from (x, y, z) into the buffer."""
-    xs, ys, zs, squared = near[0], near[1], near[2], near[_SQUARED]
-    for j in range(size):
-        dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z
-        squared[j] = (dx * dx + dy * dy) + dz * dz
-
-
-@inner
-def _nearest(near: Float64, size: int, limit: float, max_nb: int) -> tuple[int, float]:
-    """Write the heights of points at squared distances of at most `limit` into the buffer.
-
-    Of more than `max_nb`, those of the nearest come first.
-
-    Returns
-    -------
-    n : int
-        How many of these points count.
-    limit : float
-        The squared distance within which they lie.
-    """
-    zs, squared, heights = near[2], near[_SQUARED], near[_HEIGHT]
-    below, above = 0, _within(squared, size, limit)
-    if 0 < max_nb < above:
-        # A limit within which exactly `max_nb` points lie is sought by linear interpolation.
-        less = 0.0
-        for _ in range(_TRIALS):
-            between = less + (limit - less) * ((max_nb - below) / (above - below))
-            n = _within(squared, size, between)
-            if n >= max_nb:
-                limit, above = between, n
-            else:
-                less, below = between, n
-            if n == max_nb:
-                break
-    n = 0
-    for j in range(size):
-        # Written first and counted then, which avoids a branch.
-        heights[n] = zs[j]
-        n += squared[j] <= limit
-    if 0 < max_nb < n:
-        # No such limit was found, mostly for equal distances.
-        n = 0
-        for j in range(size):
-            squared[n] = squared[j]
-            n += squared[n] <= limit
-        limit = _nth(squared, heights, n, max_nb - 1)
-        n = max_nb
-    return n, limit
-
-
-@inner
-def _within(squared: Float64, size: int, limit: float) -> int:
-    """Count the points whose squared distance is at most a limit."""
-    n = 0
-    for j in range(size):
-        n += squared[j] <= limit
-    return n
-
-
-@inner
-def _middle(heights: Float64, others: Float64, n: int) -> float:
-    """Return the element at index ``n // 2`` of the first n heights as sorted; reorders both."""
-    if n > _FEW_HEIGHTS:
-        return _nth(heights, others, n, n // 2)
-    for place in range(n // 2 + 1):
-        least = heights[place]
-        for j in range(place + 1, n):
-            height = heights[j]
-            heights[j], least = max(height, least), min(height, least)
-        heights[place] = least
-    return float(heights[n // 2])
-
-
-@inner
-def _nth(values: Float64, others: Float64, n: int, nth: int) -> float:
-    """Return the element at index `nth` of the first n values as sorted (quickselect).
-
-    Lesser values are moved before it, each along with its element of `others`; equal values are
-    ordered by these.
-    """
-    begin, end = 0, n
-    while True:
-        value, other = values[(begin + end) // 2], others[(begin + end) // 2]
-        less = begin
-        for j in range(begin, end):
-            v, o = values[j], others[j]
-            values[j], others[j] = values[less], others[less]
-            values[less], others[less] = v, o
-            less += (v < value) | ((v == value) & (o < other))
-        if nth < less:
-            end = less
-            continue
-        equal = less
-        for j in range(less, end):
-            v, o = values[j], others[j]
-            values[j], others[j] = values[equal], others[equal]
-            values[equal], others[equal] = v, o
-            equal += (v == value) & (o == other)
-        if nth < equal:
-            return float(value)
-        begin = equal

@@ -43,6 +43,95 @@ def test_the_filter_agrees_with_its_rule_read_plainly() -> None:
     assert moved > 20
 
 
+def test_a_point_is_held_against_its_own_surroundings_as_the_rule_says() -> None:
+    rng = np.random.default_rng(8)
+    dropped = 0
+    for _ in range(200):
+        points = random_points(rng)
+        most, least = int(rng.choice([0, 4, 9])), int(rng.integers(0, 4))
+        level, share = (
+            float(rng.choice([0.0625, 0.25, 0.5])),
+            float(rng.choice([0.0, 0.3, 0.75, 1])),
+        )
+        stage = Median(0.8, most, least, 0.1, level, share)
+        expected = references.median(points, 0.8, most, least, 0.1, level, share)
+        assert rows(stage.apply(points, 0.5)) == expected
+        dropped += len(references.median(points, 0.8, most, least, 0.1)) - len(expected)
+    assert dropped > 1000
+
+
+def test_heights_are_compared_along_the_slope_as_the_rule_says() -> None:
+    rng = np.random.default_rng(9)
+    upright = sloping = unsure = 0
+    for _ in range(60):
+        points = random_points(rng, 150)
+        if rng.random() < 0.5:
+            points.xyz[:, 2] += points.xyz[:, :2] @ rng.uniform(-1, 1, 2)
+        most = int(rng.choice([0, 6, 12]))
+        got = Median(0.8, most, 0, max_slope=1.0).apply(points, 0.5).xyz[:, 2]
+        plain = Median(0.8, most, 0).apply(points, 0.5).xyz[:, 2]
+        for i, height in enumerate(references.along_slope(points, 0.8, most, 1.0)):
+            if height is None:
+                unsure += 1
+                continue
+            # Offsets are rounded to a 2^15th of the radius, which several of a slope add up.
+            assert abs(got[i] - height) < 1e-3
+            upright += got[i] == points.xyz[i, 2] != plain[i]
+            sloping += abs(got[i] - plain[i]) > 0.01 and got[i] != points.xyz[i, 2]
+    assert min(upright, sloping) > 500
+    assert unsure < 200
+
+
+def wall(height: float, spacing: float) -> Points:
+    """Return a wall along x, without noise, on a floor; it stands between two rows of cells."""
+    x, z = np.meshgrid(np.arange(-3, 3, spacing), np.arange(0, height + 1e-9, spacing))
+    upright = np.column_stack((x.ravel(), np.full(x.size, 0.07), z.ravel()))
+    floor = np.stack(np.meshgrid(*[np.arange(-3, 3, spacing)] * 2, [0.0]), axis=-1).reshape(-1, 3)
+    xyz = np.concatenate((upright, floor[np.abs(floor[:, 1]) > 0.1]))
+    off_edges = np.array([0.01, 0.013, 0.0])
+    return Points(xyz + off_edges, np.zeros(len(xyz), dtype=np.int32))
+
+
+def test_a_wall_keeps_its_top_and_the_rim_of_its_window() -> None:
+    points = wall(1.0, 0.05)
+    window = (np.abs(points.xyz[:, 0]) < 0.35) & (np.abs(points.xyz[:, 2] - 0.5) < 0.2)
+    points = points.take(~window)
+    for recentre in (0.0, 0.1):
+        better = Median(0.45, 24, 4, recentre, 0.15, 0.3, 2.0).apply(points, 0.15)
+        assert better.size == points.size
+        standing = np.abs(points.xyz[:, 2]) > 0.25
+        np.testing.assert_array_equal(better.xyz[standing, 2], points.xyz[standing, 2])
+        # The thesis's rule eats both, by more than a spacing.
+        thesis = Median(0.45, 24, 4, recentre).apply(points, 0.15).xyz[:, 2]
+        assert thesis.max() < 0.96
+        rim = (np.abs(points.xyz[:, 0]) < 0.3) & (np.abs(points.xyz[:, 2] - 0.25) < 0.06)
+        assert np.mean(points.xyz[rim, 2] - thesis[rim]) > 0.03
+
+
+def test_outliers_above_a_roof_go_and_thin_regions_stay() -> None:
+    rng = np.random.default_rng(10)
+    dense = np.c_[rng.uniform(0, 4, (800, 2)), rng.normal(0, 0.03, 800)]
+    thin = np.c_[rng.uniform(6, 10, (40, 2)), rng.normal(2, 0.03, 40)]
+    above = np.c_[rng.uniform(1, 3, (12, 2)), rng.uniform(0.5, 0.9, 12)]
+    points = Points(np.concatenate((dense, thin, above)), np.zeros(852, dtype=np.int32))
+    kept = Median(1.0, 24, 3, 0, 0.3, 0.3, 2.0).apply(points, 0.35).xyz
+    is_thin = kept[:, 0] > 5
+    assert kept[~is_thin, 2].max() < 0.1
+    assert (~is_thin).sum() == 800
+    assert is_thin.sum() >= 36
+    # With a fixed number of neighbours the thin region is an outlier as a whole.
+    assert (Median(1.0, 16, 8).apply(points, 0.35).xyz[:, 0] > 5).sum() < 25
+
+
+def test_slopes_keep_their_ends() -> None:
+    x, y = np.meshgrid(np.arange(0, 3, 0.1), np.arange(0, 3, 0.1))
+    roof = np.column_stack((x.ravel() + 0.01, y.ravel() + 0.01, 0.8 * x.ravel()))
+    points = Points(roof, np.zeros(len(roof), dtype=np.int32))
+    along = Median(0.45, 24, 4, 0, 0.3, 0.3, 2.0).apply(points, 0.3)
+    np.testing.assert_allclose(along.xyz[:, 2], roof[:, 2], atol=1e-4)
+    assert np.abs(Median(0.45, 24, 4).apply(points, 0.3).xyz[:, 2] - roof[:, 2]).max() > 0.05
+
+
 def test_of_equally_distant_neighbours_the_lower_count() -> None:
     # Two neighbours at distance 1, above and below; where only one counts, it is the lower.
     xyz = np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 6.0], [0.0, 0.0, 4.0], [0.0, 0.6, 4.2]])
@@ -101,7 +190,7 @@ def test_turning_and_shuffling_the_points_turns_and_shuffles_the_result() -> Non
     rng = np.random.default_rng(3)
     for _ in range(50):
         points = random_points(rng)
-        stage = Median(0.7, 5, 2)
+        stage = Median(0.7, 5, 2, max_slope=float(rng.choice([0.0, 1.0])))
         result = stage.apply(points, 0.5)
         order = rng.permutation(points.size)
         shuffled = stage.apply(points.take(order), 0.5)
@@ -126,8 +215,9 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_points_reach_no_farther_than_declared() -> None:
     rng = np.random.default_rng(5)
-    stage, cell_size = Median(0.7, 5, 1), 0.5
-    for _ in range(100):
+    cell_size = 0.5
+    for slope in (0.0, 1.0) * 50:
+        stage = Median(0.7, 5, 1, 0.1, 0.3, 0.3, slope)
         points = random_points(rng)
         cells = np.floor(points.xyz[:, :2] / cell_size)
         near = (np.abs(cells) <= stage.reach(cell_size)).all(axis=1)
@@ -142,3 +232,8 @@ def test_as_many_neighbours_as_count_at_most_may_be_asked_for() -> None:
     assert list(Median(1.0, 4, 4).faults(None, None)) == []
     assert [fault.field for fault in Median(1.0, 4, 5).faults(None, None)] == ["min_nb"]
     assert list(Median(1.0, 0, 5).faults(None, None)) == []
+
+
+def test_a_share_of_neighbours_at_any_level_is_refused() -> None:
+    assert [fault.field for fault in Median(min_share=0.3).faults(None, None)] == ["min_share"]
+    assert list(Median(level=0.1, min_share=0.3).faults(None, None)) == []
