@@ -50,7 +50,7 @@ SECTIONS = {"vehicle": Vehicle, "map": MapParameters, "batch": BatchParameters}
 DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
     "median": {
         "max_nb": 24,
-        "min_nb": 3,
+        "min_nb": 4,
         "recentre": Cells(0.75),
         "level": Cells(1),
         "min_share": 0.3,

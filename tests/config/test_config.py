@@ -49,7 +49,7 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
             Median(
                 nb_radius=Cells(3),
                 max_nb=24,
-                min_nb=3,
+                min_nb=4,
                 recentre=Cells(0.75),
                 level=Cells(1),
                 min_share=0.3,
@@ -180,8 +180,8 @@ def test_a_stage_that_is_named_follows_the_thesis_where_nothing_else_is_said() -
     assert Median().level == Median().min_share == Median().max_slope == 0
     assert not Pyramids().pits
     # A setting changes the parameter that it names, and no other.
-    median = Median(**DEFAULT_PIPELINE["median"] | {"min_nb": 4})
-    assert load(None, ["median.min_nb=4"]).pipeline[0] == median
+    median = Median(**DEFAULT_PIPELINE["median"] | {"min_nb": 5})
+    assert load(None, ["median.min_nb=5"]).pipeline[0] == median
 
 
 def test_the_default_preset_leaves_to_other_parameters_what_they_decide() -> None:
