@@ -11,6 +11,7 @@ from __future__ import annotations
 import copy
 import inspect
 import pickle
+import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import partial, wraps
@@ -254,8 +255,10 @@ def test_stages_are_taken_from_whatever_yields_them() -> None:
 def test_jobs_and_points_that_are_none_are_wrong_usage() -> None:
     with pytest.raises(UsageError, match=r"^`jobs` 0: expected a whole number of at least 1"):
         mlscli.build_map(SAMPLE, EDGE, jobs=0)
-    with pytest.raises(UsageError, match=r"^`points`: found an array of shape \(30, 4\); "):
-        mlscli.MapBuilder(EDGE).process_cloud(np.ones((30, 4)))
+    for shape in ((30, 4), (12, 5, 3), (3,)):
+        words = re.escape(f"`points`: found an array of shape {shape}; expected (N, 3)")
+        with pytest.raises(UsageError, match=f"^{words}$"):
+            mlscli.MapBuilder(EDGE).process_cloud(np.ones(shape))
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,7 @@ class MapBuilder:
         except (TypeError, ValueError):
             expect(points, np.ndarray, "points", expected)
             raise UsageError(f"`points`: found what is not numbers; expected {expected}") from None
-        if cloud.size and cloud.shape[-1] != 3:
+        if cloud.size and (cloud.ndim != 2 or cloud.shape[1] != 3):
             raise UsageError(f"`points`: found an array of shape {cloud.shape}; expected (N, 3)")
         cloud = cloud.reshape(-1, 3) + 0.0
         finite = np.isfinite(cloud)

@@ -159,7 +159,7 @@ def command(
             write_map(target, built.surface, overwrite=overwrite)
         if replay is not None and isinstance(built.surface, SurfaceMap):
             played.finish(built.surface)
-        account = _account(target, built, recording.losses)
+        account = _account(target, built, parameters, recording.losses)
     for note in recording.notes:
         if note not in notes:
             say(f"mls: {note}")
@@ -168,7 +168,7 @@ def command(
     seconds = time.perf_counter() - begin
     account |= {"seconds": {"total": seconds, **built.report.seconds}}
     account |= {"points_per_second": account["points"]["read"] / seconds}
-    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+    click.echo(json.dumps(account, indent=2) if as_json else _text(account, parameters))
     return PARTLY_READ if recording.losses else 0
 
 
@@ -222,7 +222,9 @@ def _nobody(change: Change) -> None:
     """Ignore a change: having a follower keeps the map up to date after every batch."""
 
 
-def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[str, Any]:
+def _account(
+    target: str, built: Build | LargeBuild, parameters: Parameters, losses: list[str]
+) -> dict[str, Any]:
     from mlscli.maps.summary import describe
 
     surface = built.surface
@@ -230,6 +232,7 @@ def _account(target: str, built: Build | LargeBuild, losses: list[str]) -> dict[
     return {
         "map": target,
         **describe(built.surface),
+        "vehicle": parameters.vehicle.in_units(surface.grid.cell_size),
         "points": meta["points"],
         "keyframes": meta["keyframes"],
         "batches": meta["batches"],
@@ -262,7 +265,7 @@ def _pace_row(pace: dict[str, float | None] | None) -> str:
     return f"slowest batch {slowest:.3g} s; {own}"
 
 
-def _text(account: dict[str, Any]) -> str:
+def _text(account: dict[str, Any], parameters: Parameters) -> str:
     points, seconds = account["points"], dict(account["seconds"])
     dropped = [f"{count:,} dropped ({reason})" for reason, count in points["dropped"].items()]
     total = seconds.pop("total")
@@ -275,6 +278,7 @@ def _text(account: dict[str, Any]) -> str:
         ),
         ("keyframes", f"{account['keyframes']:,} in {batches}, {account['mode']}"),
         *report.map_rows(account),
+        ("vehicle", report.craft(parameters.vehicle, account["cell_size"])),
         ("time", f"{total:.2f} s, {account['points_per_second']:,.0f} points/s"),
         ("", ", ".join(f"{what} {spent:.3f}" for what, spent in longest_first)),
         ("pace", _pace_row(account["pace"])),

@@ -101,12 +101,11 @@ def _score(map_file: str, truth_file: str, as_json: bool) -> int:
 
 def _on_grid_of(surface: SurfaceMap, truth: SurfaceMap) -> SurfaceMap:
     """Return the truth on the map's grid: recomputed if its grid differs and it has a scene."""
-    grid = (surface.cell_size, surface.gap_size, surface.thickness)
-    if grid == (truth.cell_size, truth.gap_size, truth.thickness) or "scene" not in truth.meta:
+    if not surface.grid.differing(truth.grid) or "scene" not in truth.meta:
         return truth
     from mlscli.scenes.truth import truth_from_meta
 
-    return truth_from_meta(truth.meta, *grid)
+    return truth_from_meta(truth.meta, surface.cell_size, surface.gap_size, surface.thickness)
 
 
 # --- as text ---

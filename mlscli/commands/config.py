@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mlscli.commands.options import as_json, configured, overwrite, say
+from mlscli.commands.options import as_json, configured, overwrite, say, setting
 from mlscli.errors import ConfigError, MlsError
 
 
@@ -47,19 +47,26 @@ def show(config: str | None, settings: tuple[str, ...], as_json: bool) -> None:
 
 @command.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-def check(files: tuple[str, ...]) -> None:
-    """Check configurations and report every fault in them."""
+@setting
+def check(files: tuple[str, ...], settings: tuple[str, ...]) -> None:
+    """Check configurations or presets, with settings on top, and report every fault in them.
+
+    Where cell_size is auto, faults that would show for some sizes of cells only are told, too.
+    """
     from mlscli.config import load
+    from mlscli.pipeline.parameters import conditional_faults
 
     faults: list[str] = []
     for name in files:
         try:
-            load(name)
+            conditional = conditional_faults(load(name, settings))
         except ConfigError as error:
             faults += error.faults
         except MlsError as error:
             faults.append(str(error))
         else:
             say(f"{name}: ok")
+            for fault in conditional:
+                say(f"{name}: but not for {fault}")
     if faults:
         raise ConfigError(faults)

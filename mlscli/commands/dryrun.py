@@ -48,6 +48,8 @@ def report_build(
 
     estimate = estimate_build(*sources, parameters=parameters, follow=follow, **selection)
     account = {"map": target, "mode": parameters.mode, **asdict(estimate)}
+    size = estimate.cell_size
+    account["vehicle"] = None if size is None else parameters.vehicle.in_units(size)
     account["notes"] = [with_options(note) for note in estimate.notes]
     for note in estimate.notes:
         say(f"mls: {note}")
@@ -71,6 +73,7 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
         ("patches", _number(account["patches"], "" if account["whole"] else "about ")),
         ("cell size", _number(account["cell_size"], about if auto else "")),
         ("gap size", _number(account["gap_size"], about if auto and in_cells else "")),
+        ("vehicle", report.craft(parameters.vehicle, None if auto else account["cell_size"])),
         ("time", _duration(account["seconds"])),
         ("judged by", _judged_by(read)),
         ("dropped", report.counts(read["dropped"])),

@@ -31,25 +31,24 @@ class Size(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # generic
         return int(float(found[1]) * 1024 ** " KMGT".index(found[2] or " "))
 
 
+setting = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Set one parameter, such as plaster.max_gap=0.4 or mode=sequential.",
+)
+
+
 def configured(command: Command) -> Command:
     """Add ``-c`` and ``--set``; the command takes them as `config` and `settings`."""
-    for option in (
-        click.option(
-            "--set",
-            "settings",
-            multiple=True,
-            metavar="NAME=VALUE",
-            help="Set one parameter, such as plaster.max_gap=0.4 or mode=sequential.",
-        ),
-        click.option(
-            "-c",
-            "--config",
-            metavar="FILE",
-            help="Parameters in YAML, or a preset: default, plain, thesis.",
-        ),
-    ):
-        command = option(command)
-    return command
+    config = click.option(
+        "-c",
+        "--config",
+        metavar="FILE",
+        help="Parameters in YAML, or a preset: default, plain, thesis.",
+    )
+    return config(setting(command))
 
 
 overwrite = click.option("--overwrite", is_flag=True, help="Replace the output where it exists.")

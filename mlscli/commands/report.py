@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from mlscli.parameters.fields import write_value
+from mlscli.parameters.lengths import Cells, Length, in_units
+
+if TYPE_CHECKING:
+    from mlscli.pipeline.parameters import Vehicle
 
 
 def lines(rows: Iterable[tuple[str, str]]) -> str:
@@ -40,6 +46,17 @@ def bounds(extent: Mapping[str, Sequence[float]] | None) -> str:
 def levels(cells_by_level: Mapping[str, int]) -> str:
     """Return how many cells hold one patch, two, and so on."""
     return ", ".join(f"{some(cells, 'cell')} with {n}" for n, cells in cells_by_level.items())
+
+
+def craft(vehicle: Vehicle, cell_size: float | None) -> str:
+    """Return the size of the craft, ``1 cell wide (0.15), 0.4 high``."""
+
+    def size(length: Length, word: str) -> str:
+        known = cell_size is not None and isinstance(length, Cells)
+        units = f" ({in_units(length, cell_size or 1.0):.6g})" if known else ""
+        return f"{write_value(length)} {word}{units}"
+
+    return f"{size(vehicle.width, 'wide')}, {size(vehicle.height, 'high')}"
 
 
 def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:

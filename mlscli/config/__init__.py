@@ -144,18 +144,12 @@ def _reading_order(fault: LocatedFault) -> tuple[bool, int, int]:
 
 
 def _assemble(draft: Draft) -> Parameters:
-    """Return the parameters: each as given, from the parameter it follows, or the default."""
-    in_force: dict[str, Any] = {}
+    """Return the parameters: each as given, or else the default."""
 
     def values(part: DraftPart) -> dict[str, Any]:
-        taken = {}
-        for item in fields_of(part.owner).values():
-            value = part.given[item.name].value if item.name in part.given else None
-            if item.name not in part.given or (value is None and item.default_from):
-                value = in_force[item.default_from] if item.default_from else item.default
-                value = part.chosen.get(item.name, value)
-            taken[item.name] = in_force[part.path(item.name)] = value
-        return taken
+        given = {name: each.value for name, each in part.given.items()}
+        defaults = {name: item.default for name, item in fields_of(part.owner).items()}
+        return defaults | dict(part.chosen) | given
 
     sections = {name: owner(**values(draft.sections[name])) for name, owner in SECTIONS.items()}
     stages = tuple(part.owner(**values(part)) for part in draft.pipeline)
@@ -199,5 +193,4 @@ def _commented(part: object, indent: str) -> Iterator[str]:
 
 
 def _range(item: ParameterField) -> str:
-    default = item.default_from or write_value(item.default)
-    return f"{item.accepts}; default: {default}"
+    return f"{item.accepts}; default: {item.default_words}"

@@ -130,14 +130,14 @@ class Draft:
     def set(self, setting: str) -> None:
         """Take a setting ``stage.param=value``, which takes precedence over the document."""
         place = Place(f"`sets` {shorten(setting, 80)}")
-        path, equals, text = setting.partition("=")
+        path, _, text = setting.partition("=")
         path = path.strip()
         if not path:
             self.fault(place, "no name is given; write NAME=VALUE, such as plaster.max_gap=0.4")
             return
         part_name, _, parameter = path.rpartition(".")
         parts = self._parts_named(place, part_name, parameter)
-        if parts and not equals:
+        if parts and not text.strip():
             self.fault(place, f"{path}: no value is given; write {path}=VALUE")
             return
         try:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from numbers import Real
 
 from mlscli.errors import UsageError, expect
+from mlscli.parameters.lengths import alike
 
 LENGTHS = ("cell_size", "gap_size", "thickness")
 
@@ -38,6 +39,13 @@ class Grid:
             expect(getattr(self, name), (float, Real), name, "a number")
         expect(self.frame_id, str, "frame_id", "a text")
 
+    def differing(self, other: Grid) -> list[str]:
+        """Return the names of the lengths in which another grid differs by more than a rounding."""
+        cell = min(self.cell_size, other.cell_size)
+        return [
+            name for name in LENGTHS if not alike(getattr(self, name), getattr(other, name), cell)
+        ]
+
     def require_same(self, other: Grid) -> None:
         """Refuse a grid with other lengths; its frame may have another name.
 
@@ -46,9 +54,8 @@ class Grid:
         UsageError
             Where cell size, gap size or thickness differ.
         """
-        for name in LENGTHS:
-            mine, others = getattr(self, name), getattr(other, name)
-            if mine != others:
-                raise UsageError(
-                    f"maps of different {name} do not go together: {mine!r} and {others!r}"
-                )
+        for name in self.differing(other):
+            raise UsageError(
+                f"maps of different {name} do not go together: {getattr(self, name)!r} and "
+                f"{getattr(other, name)!r}"
+            )

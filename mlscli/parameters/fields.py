@@ -10,7 +10,7 @@ from numbers import Integral, Real
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from mlscli.errors import shorten
-from mlscli.parameters.lengths import Cells
+from mlscli.parameters.lengths import Cells, Length, longest
 
 # Beyond this, whole numbers are not exact in float64, nor in JSON as many programs read it.
 MAX_INTEGER = 2**53
@@ -30,6 +30,7 @@ def parameter(
     high: float | None = None,
     above: float | None = None,
     default_from: str | None = None,
+    at_least: Length | None = None,
 ) -> Any:
     """Declare a field of a parameter dataclass; the configuration's schema follows from it.
 
@@ -44,8 +45,10 @@ def parameter(
     above : float, optional
         A bound that the value must exceed.
     default_from : str, optional
-        Another parameter, such as ``vehicle.width``, whose value a configuration takes where none
-        is given.
+        Another parameter whose value it takes where none is given, that is, where it is None: one
+        of a section, such as ``vehicle.width``, or, by its bare name, one of the same part.
+    at_least : float or Cells, optional
+        The least length that it takes from there.
     """
     metadata = {
         "help": help,
@@ -53,6 +56,7 @@ def parameter(
         "high": high,
         "above": above,
         "default_from": default_from,
+        "at_least": at_least,
     }
     return field(default=default, metadata=metadata)
 
@@ -72,7 +76,9 @@ class ParameterField:
     default : object
         The value where none is given.
     default_from : str or None
-        The parameter whose value a configuration takes instead of `default`.
+        The parameter whose value it takes where it is None.
+    at_least : float, Cells or None
+        The least length that it takes from there.
     low, high : float or None
         The least and the greatest value allowed, inclusive.
     above : float or None
@@ -85,9 +91,37 @@ class ParameterField:
     words: tuple[str, ...]
     default: Any
     default_from: str | None
+    at_least: Length | None
     low: float | None
     high: float | None
     above: float | None
+
+    @property
+    def default_words(self) -> str:
+        """What holds where no value is given, in words."""
+        if self.default_from is None:
+            return write_value(self.default)
+        least = "" if self.at_least is None else f", at least {write_value(self.at_least)}"
+        return f"{self.default_from}{least}"
+
+    def following(self, value: Any, cell_size: float | None) -> Any:
+        """Return what the parameter becomes where it is not given and `default_from` has a value.
+
+        Parameters
+        ----------
+        value : object
+            The value of that parameter.
+        cell_size : float or None
+            Side of a cell, in the unit of the recording; None: not yet known.
+
+        Returns
+        -------
+        object
+            None where the size of a cell decides and is not known, or the value is at fault itself.
+        """
+        if value is None or not self.allows(value):
+            return None
+        return value if self.at_least is None else longest(value, self.at_least, cell_size)
 
     @property
     def accepts(self) -> str:

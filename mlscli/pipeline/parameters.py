@@ -6,16 +6,21 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
-from mlscli.errors import ConfigError, expect
+from mlscli.errors import ConfigError, UsageError, expect
+from mlscli.maps.grid import Grid
 from mlscli.parameters.fields import UNKNOWN, fields_of, json_value, parameter, write_value
-from mlscli.parameters.lengths import Cells, Length
+from mlscli.parameters.lengths import Cells, Length, in_units
 from mlscli.pipeline.stages.registry import STAGES
 from mlscli.pipeline.stages.stage import Fault, PointStage, Stage
 
 # Cell indices are int32.
 MAX_INDEX = 2**31 - 1
+
+# The attribute in which a completed section or stage remembers what was given.
+_GIVEN = "_given"
 
 
 @dataclass(frozen=True)
@@ -25,6 +30,10 @@ class Vehicle:
     width: Length = parameter(Cells(1), "width of the craft: it cannot pass narrower gaps", above=0)
     height: Length = parameter(Cells(3), "height of the craft: it cannot pass lower ones", above=0)
 
+    def in_units(self, cell_size: float) -> dict[str, float]:
+        """Return ``width`` and ``height`` in the unit of the recording."""
+        return {name: in_units(getattr(self, name), cell_size) for name in ("width", "height")}
+
 
 @dataclass(frozen=True)
 class MapParameters:
@@ -33,8 +42,8 @@ class MapParameters:
     cell_size: float | Literal["auto"] = parameter(
         "auto", "side of a cell; auto: from the distances of the recording's points", above=0
     )
-    gap_size: Length = parameter(
-        Cells(3), "heights farther apart are two patches", low=0, default_from="vehicle.height"
+    gap_size: Length | None = parameter(
+        None, "heights farther apart are two patches", low=0, default_from="vehicle.height"
     )
     thickness: Length = parameter(Cells(1), "a patch that spreads wider is vertical", low=0)
 
@@ -75,7 +84,8 @@ def _default_pipeline() -> tuple[Stage, ...]:
 class Parameters:
     """All that a map depends on besides its points.
 
-    A stage's field that is None takes the value of the parameter named by its `default_from`.
+    A field that is None takes the value of the parameter that its `default_from` names, as soon as
+    it is known.
 
     Attributes
     ----------
@@ -100,22 +110,56 @@ class Parameters:
         for name, section in SECTIONS.items():
             kind = section.__name__
             expect(getattr(self, name), section, name, f"{kind}, such as {kind}()")
+            object.__setattr__(self, name, self._completed(getattr(self, name)))
         stages_expected = "stages, such as (Median(), Plaster())"
         expect(self.pipeline, Iterable, "pipeline", stages_expected)
         stages = []
         for stage in self.pipeline:
             expect(stage, Stage, "pipeline", stages_expected)
-            missing = {
-                item.name: self._in_force(item.default_from)
-                for item in fields_of(type(stage)).values()
-                if item.default_from is not None and getattr(stage, item.name) is None
-            }
-            stages.append(replace(stage, **missing))
+            stages.append(self._completed(stage))
         object.__setattr__(self, "pipeline", tuple(stages))
 
-    def _in_force(self, path: str) -> Any:
-        section, name = path.split(".")
-        return getattr(getattr(self, section), name)
+    def _completed(self, part: Any) -> Any:
+        """Return a section or a stage with what is not given taken from where it follows.
+
+        It remembers what was given: beside another vehicle, or with another cell size, it is
+        completed anew.
+        """
+        given = part = _as_given(part)
+        for item in fields_of(type(part)).values():
+            if item.default_from is not None and getattr(part, item.name) is None:
+                followed = self.value(item.default_from, part)
+                part = replace(part, **{item.name: item.following(followed, self._cell_size)})
+        if part is not given:
+            object.__setattr__(part, _GIVEN, given)
+        return part
+
+    def value(self, path: str, part: object) -> Any:
+        """Return the value of a parameter: of a section by its full name, or else of `part`."""
+        section, _, name = path.rpartition(".")
+        return getattr(getattr(self, section) if section else part, name)
+
+    @property
+    def _cell_size(self) -> float | None:
+        """Side of a cell, in the unit of the recording; None where it is not known."""
+        size = self.map.cell_size
+        return size if isinstance(size, int | float) else None
+
+    def grid(self, frame_id: str = "map") -> Grid:
+        """Return the grid of the map, all of it in the unit of the recording.
+
+        Raises
+        ------
+        UsageError
+            Where `cell_size` is ``auto``.
+        """
+        size, gap_size = self._cell_size, self.map.gap_size
+        if size is None or gap_size is None:
+            raise UsageError(
+                "map.cell_size: a growing map needs a number, not auto; "
+                "see Parameters.with_cell_size"
+            )
+        return Grid(size, in_units(gap_size, size), in_units(self.map.thickness, size), frame_id)
 
     def with_cell_size(self, cell_size: float) -> Parameters:
         """Return the same parameters with this `cell_size`, checked.
@@ -126,7 +170,7 @@ class Parameters:
             Where a value is out of range or two contradict each other, now that lengths in
             units and in cells can be compared.
         """
-        settled = replace(self, map=replace(self.map, cell_size=cell_size))
+        settled = replace(self, map=replace(_as_given(self.map), cell_size=cell_size))
         settled.check()
         return settled
 
@@ -151,6 +195,11 @@ class Parameters:
             faults = [f"{dotted(c.part, c.field)}: {c.message}" for c in contradictions(self)]
         if faults:
             raise ConfigError(faults)
+
+
+def _as_given(part: Any) -> Any:
+    """Return a section or a stage as it was before it was completed."""
+    return getattr(part, _GIVEN, part)
 
 
 class Contradiction(NamedTuple):
@@ -179,7 +228,7 @@ def contradictions(parameters: Parameters) -> Iterator[Contradiction]:
     cell_size = parameters.map.cell_size
     size = cell_size if isinstance(cell_size, int | float) else None
     for name in SECTIONS:
-        for fault in _too_long(getattr(parameters, name), size):
+        for fault in _too_long(parameters, getattr(parameters, name), size):
             yield Contradiction(name, None, *fault)
     map_stage = ""
     for index, stage in enumerate(parameters.pipeline):
@@ -188,16 +237,58 @@ def contradictions(parameters: Parameters) -> Iterator[Contradiction]:
         elif map_stage:
             message = f"works on points but stands after {map_stage}, which works on the map"
             yield Contradiction(stage.name, index, "", f"{message}; put it before")
-        faults = list(_too_long(stage, size))
+        faults = list(_too_long(parameters, stage, size))
         for fault in faults or _stage_faults(stage, size, parameters.map.gap_size):
             yield Contradiction(stage.name, index, *fault)
 
 
-def _too_long(part: object, cell_size: float | None) -> Iterator[Fault]:
-    """Yield a fault for each length that spans more than `MAX_INDEX` cells."""
+def conditional_faults(parameters: Parameters) -> list[str]:
+    """Return the contradictions that arise for some sizes of cells only, where these are ``auto``.
+
+    Each is led by these sizes: ``cells smaller than 0.25: plaster.max_gap_enhanced: 2 cells ...``.
+    """
+    if parameters.map.cell_size != "auto":
+        return []
+    # The sizes of cells at which a length in cells becomes longer than one in units.
+    turns = sorted({turn for each in parameters.pipeline for turn in _turns(parameters.map, each)})
+    sizes = [low + (high - low) / 2 for low, high in pairwise([0.0, *turns])]
+    sizes += [2 * turn for turn in turns[-1:]]
+    found: dict[str, list[int]] = {}
+    for number, size in enumerate(sizes):
+        settled = replace(parameters, map=replace(_as_given(parameters.map), cell_size=size))
+        for each in contradictions(settled):
+            found.setdefault(f"{dotted(each.part, each.field)}: {each.message}", []).append(number)
+    return [
+        f"cells larger than {turns[there[0] - 1]:g}: {fault}"
+        if there[-1] == len(turns)
+        else f"cells smaller than {turns[there[-1]]:g}: {fault}"
+        for fault, there in found.items()
+    ]
+
+
+def _turns(*parts: object) -> Iterator[float]:
+    """Yield the size of cells at which each length in cells equals each length in units."""
+    lengths = [getattr(part, name) for part in parts for name in _lengths_of(type(part))]
+    for units in lengths:
+        for cells in lengths:
+            if isinstance(cells, Cells) and isinstance(units, int | float) and units * cells.count:
+                yield units / cells.count
+
+
+def _lengths_of(owner: type) -> list[str]:
+    return [name for name, item in fields_of(owner).items() if Cells in item.kinds]
+
+
+def _too_long(parameters: Parameters, part: object, cell_size: float | None) -> Iterator[Fault]:
+    """Yield a fault for each length of a part that spans more than `MAX_INDEX` cells.
+
+    One that follows another parameter is not to blame: that one is.
+    """
     for item in fields_of(type(part)).values():
         length = getattr(part, item.name)
         if item.name == "cell_size" or length is UNKNOWN or length is None:
+            continue
+        if item.default_from is not None and parameters.value(item.default_from, part) == length:
             continue
         if isinstance(length, Cells):
             units = length.count * (cell_size or 1.0)
@@ -212,20 +303,10 @@ def _too_long(part: object, cell_size: float | None) -> Iterator[Fault]:
             yield Fault(item.name, message)
 
 
-def _stage_faults(stage: Stage, cell_size: float | None, gap_size: Length) -> list[Fault]:
+def _stage_faults(stage: Stage, cell_size: float | None, gap_size: Length | None) -> list[Fault]:
     """Return the contradictions within a stage, as far as the values known show them."""
     values = [getattr(stage, name) for name in fields_of(type(stage))]
-    gap = gap_size if isinstance(gap_size, int | float) else None
-    if isinstance(gap_size, Cells):
-        gap = None if cell_size is None else gap_size.count * cell_size
-        lengths = [
-            value
-            for item, value in zip(fields_of(type(stage)).values(), values, strict=True)
-            if Cells in item.kinds and value is not None
-        ]
-        if cell_size is None and all(isinstance(value, Cells) for value in lengths):
-            # Lengths that are all in cells compare the same for any size of cell.
-            cell_size, gap = 1.0, gap_size.count
+    gap = None if gap_size is UNKNOWN else gap_size
     faults: list[Fault] = []
     # A comparison with an invalid value raises TypeError; faults after it are not found.
     with suppress(TypeError) if UNKNOWN in values else nullcontext():

@@ -10,12 +10,9 @@ from collections.abc import Callable
 from copy import copy
 from itertools import takewhile
 
-from mlscli.errors import UsageError
 from mlscli.keyframes.batches import Points
 from mlscli.maps.change import points_in
-from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.parameters.lengths import in_units
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.report import Report
@@ -63,20 +60,9 @@ class Pipeline:
 
     def __init__(self, parameters: Parameters, frame_id: str, report: Report) -> None:
         parameters.check()
-        cell_size = parameters.map.cell_size
-        if isinstance(cell_size, str):
-            raise UsageError(
-                "map.cell_size: a growing map needs a number, not auto; "
-                "see Parameters.with_cell_size"
-            )
-        self.grid = Grid(
-            cell_size,
-            in_units(parameters.map.gap_size, cell_size),
-            in_units(parameters.map.thickness, cell_size),
-            frame_id,
-        )
+        self.grid = parameters.grid(frame_id)
         self.parameters = parameters
-        self.cell_size = cell_size
+        self.cell_size = cell_size = self.grid.cell_size
         self.report = report
         stages = parameters.pipeline
         self.point_stages = [stage for stage in stages if isinstance(stage, PointStage)]

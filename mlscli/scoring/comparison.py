@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from mlscli.errors import UsageError, expect
 from mlscli.maps.cells import pack
+from mlscli.maps.grid import LENGTHS
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 from mlscli.scoring.kernels import match
@@ -91,7 +92,8 @@ class Comparison:
     Attributes
     ----------
     identical : bool
-        Whether the maps are equal, bit for bit, in all but route and meta.
+        Whether the maps are equal, bit for bit, in all but route and meta; lengths of their grids
+        may differ by 1e-9 of a cell.
     tolerance : float
         Heights and depths that differ by no more than this count as equal; in the unit of the map.
     grid : mapping of str to tuple
@@ -154,6 +156,7 @@ def compare_maps(a: SurfaceMap, b: SurfaceMap, tolerance: float = 0.0) -> Compar
     if not 0 <= tolerance < math.inf:
         raise UsageError(f"tolerance: is {tolerance!r}; it must be a number, 0 or more")
     require_same_cells(a, b)
+    different = a.grid.differing(b.grid)
     in_a, in_b = matches(a, b)
     only_a, only_b = np.delete(a.origin, in_a), np.delete(b.origin, in_b)
     dh, dd = a.height[in_a] - b.height[in_b], a.depth[in_a] - b.depth[in_b]
@@ -169,12 +172,12 @@ def compare_maps(a: SurfaceMap, b: SurfaceMap, tolerance: float = 0.0) -> Compar
 
     both = np.where(a.origin[in_a] == b.origin[in_b], a.origin[in_a], len(ORIGINS))
     return Comparison(
-        identical=a == b,
+        identical=a == _on_lengths_of(a, b),
         tolerance=float(tolerance),
         grid={
             name: (getattr(a, name), getattr(b, name))
             for name in ("thickness", "frame_id")
-            if getattr(a, name) != getattr(b, name)
+            if name in different or (name == "frame_id" and a.frame_id != b.frame_id)
         },
         columns=_differing_columns(a, b, in_a, in_b),
         total=differences(both >= 0, only_a >= 0, only_b >= 0),
@@ -212,13 +215,18 @@ def require_same_cells(a: SurfaceMap, b: SurfaceMap) -> None:
     UsageError
         Where cell size or gap size differ.
     """
-    for name in ("cell_size", "gap_size"):
-        mine, others = getattr(a, name), getattr(b, name)
-        if mine != others:
+    for name in a.grid.differing(b.grid):
+        if name != "thickness":
             raise UsageError(
-                f"{name}: is {mine!r} in one map and {others!r} in the other; "
-                "patches can be matched on one grid only"
+                f"{name}: is {getattr(a, name)!r} in one map and {getattr(b, name)!r} in the "
+                "other; patches can be matched on one grid only"
             )
+
+
+def _on_lengths_of(a: SurfaceMap, b: SurfaceMap) -> SurfaceMap:
+    """Return `b` with the lengths of `a`, but for those that differ by more than a rounding."""
+    different = b.grid.differing(a.grid)
+    return replace(b, **{name: getattr(a, name) for name in LENGTHS if name not in different})
 
 
 def root_mean_square(values: Float64) -> float:

@@ -31,7 +31,7 @@ from mlscli.io.reading.glance import Glance
 from mlscli.io.reading.recording import AUTO, open_recording
 from mlscli.keyframes.batches import batches
 from mlscli.keyframes.keyframe import Keyframe
-from mlscli.parameters.lengths import in_units
+from mlscli.maps.grid import LENGTHS
 from mlscli.pipeline.parameters import Parameters
 
 # The trial takes this many points at most, and builds maps of these shares of them in turn, until
@@ -186,14 +186,10 @@ def _reservations(glance: Glance) -> list[str]:
 
 def _lengths(parameters: Parameters) -> dict[str, float | None]:
     """Return the lengths of the map in the unit of the recording; None where cells are auto."""
-    wanted = parameters.map
-    if isinstance(wanted.cell_size, str):
-        return dict.fromkeys(("cell_size", "gap_size", "thickness"))
-    return {
-        "cell_size": wanted.cell_size,
-        "gap_size": in_units(wanted.gap_size, wanted.cell_size),
-        "thickness": in_units(wanted.thickness, wanted.cell_size),
-    }
+    if parameters.map.cell_size == "auto":
+        return dict.fromkeys(LENGTHS)
+    grid = parameters.grid()
+    return {name: getattr(grid, name) for name in LENGTHS}
 
 
 class _Trial:

@@ -65,6 +65,20 @@ def test_the_summary_as_json_has_the_numbers_of_the_map(folder: Path) -> None:
     # On the rim of the lattice, points have fewer than four neighbours.
     assert points["dropped"]["median"] == 4 * 19
     assert account["lost"] == []
+    assert account["vehicle"] == {"width": 0.1, "height": pytest.approx(0.3)}
+
+
+def test_the_summary_names_the_craft_that_the_map_is_made_for(folder: Path) -> None:
+    # Wider than five cells, in cells that are known only once the points are.
+    craft = ("--set", "vehicle.width=3.5", "--set", "vehicle.height=4 cells")
+    for more, cells in (((), ""), (("--dry-run",), ""), (("--set", "map.cell_size=0.2"), " (0.8)")):
+        done = mls("build", "flight.txt", "--overwrite", *craft, *more, cwd=folder)
+        assert done.returncode == 0, done.stderr
+        (row,) = [line for line in done.stdout.splitlines() if line.startswith("  vehicle ")]
+        known = cells or " (0.8)" * ("--dry-run" not in more)
+        assert row.split(maxsplit=1)[1] == f"3.5 wide, 4 cells high{known}"
+    stages = read_map(folder / "flight.npz").meta["parameters"]["pipeline"]
+    assert [s["plaster"]["max_gap_enhanced"] for s in stages if "plaster" in s] == [3.5]
 
 
 def test_several_sources_are_one_flight(folder: Path) -> None:

@@ -106,6 +106,24 @@ def test_check_says_ok_for_each_sound_file(folder: Path) -> None:
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "a.yaml: ok\nb.yaml: ok\n")
 
 
+def test_check_says_for_which_cells_a_build_would_be_refused(folder: Path) -> None:
+    (folder / "a.yaml").write_text("pipeline: [plaster: {max_gap: 0.5, max_gap_enhanced: 2 cells}]")
+    run = config("check", "a.yaml", "default")
+    assert (run.returncode, run.stdout) == (0, "")
+    assert run.stderr.splitlines() == [
+        "a.yaml: ok",
+        "a.yaml: but not for cells smaller than 0.25: plaster.max_gap_enhanced: 2 cells is less "
+        "than max_gap (0.5); at least that, or 0 for none",
+        "default: ok",
+    ]
+    assert config("check", "a.yaml", "--set", "map.cell_size=0.25").stderr == "a.yaml: ok\n"
+    run = config("check", "a.yaml", "--set", "map.cell_size=0.2")
+    assert (run.returncode, run.stderr.partition(" is less")[0]) == (
+        2,
+        "mls: a.yaml:1:54: plaster.max_gap_enhanced: 2 cells",
+    )
+
+
 def test_check_reports_the_faults_of_all_files(folder: Path) -> None:
     (folder / "a.yaml").write_text("mode: x\nmap: 3\n")
     (folder / "b.yaml").write_text("")

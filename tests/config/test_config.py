@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from mlscli.config import PRESETS, load, loads, preset_text, to_yaml
 from mlscli.errors import ConfigError, InputError
 from mlscli.parameters.fields import fields_of
-from mlscli.parameters.lengths import Cells
+from mlscli.parameters.lengths import Cells, Length
 from mlscli.pipeline.parameters import (
     DEFAULT_PIPELINE,
     BatchParameters,
@@ -76,12 +76,14 @@ def test_a_document_that_says_nothing_means_the_defaults(text: str, tmp_path: Pa
     assert load(file) == load(None) == Parameters()
 
 
-THESIS = (
-    Median(nb_radius=0.35, max_nb=16, min_nb=3),
-    Orphans(horizontal=Cells(2), vertical=0.2),
-    Plaster(height_thresh=0.5, height_clearance=0.1, max_gap=0.15, max_gap_enhanced=0.75),
-    Pyramids(height_factor_thresh=1.5, max_height=0.5),
-)
+def of_the_thesis(widest: Length) -> tuple[Stage, ...]:
+    """Return the thesis's stages, of which plaster closes gaps up to `widest`."""
+    return (
+        Median(nb_radius=0.35, max_nb=16, min_nb=3),
+        Orphans(horizontal=Cells(2), vertical=0.2),
+        Plaster(height_thresh=0.5, height_clearance=0.1, max_gap=0.15, max_gap_enhanced=widest),
+        Pyramids(height_factor_thresh=1.5, max_height=0.5),
+    )
 
 
 def test_the_configuration_of_the_contract_reads_as_it_says() -> None:
@@ -98,7 +100,9 @@ def test_the_configuration_of_the_contract_reads_as_it_says() -> None:
           - pyramids: {height_factor_thresh: 1.5}
     """)
     expected = Parameters(
-        vehicle=Vehicle(0.15, 0.5), map=MapParameters(0.15, 0.5, 0.15), pipeline=THESIS
+        vehicle=Vehicle(0.15, 0.5),
+        map=MapParameters(0.15, 0.5, 0.15),
+        pipeline=of_the_thesis(0.75),
     )
     assert parameters == expected
 
@@ -115,7 +119,8 @@ def test_a_setting_counts_before_what_is_left_out_is_filled_in() -> None:
     text = "vehicle: {height: 9}\npipeline: [plaster, pyramids]"
     parameters = loads(text, sets=["vehicle.width=2 cells", "vehicle.height=0.7"])
     assert parameters.map.gap_size == 0.7
-    assert parameters.pipeline == (Plaster(max_gap=Cells(2)), Pyramids(max_height=0.7))
+    plaster = Plaster(max_gap=Cells(2), max_gap_enhanced=Cells(5))
+    assert parameters.pipeline == (plaster, Pyramids(max_height=0.7))
 
 
 def test_a_setting_wins_over_the_file_and_the_last_one_over_the_others() -> None:
@@ -127,7 +132,8 @@ def test_a_setting_wins_over_the_file_and_the_last_one_over_the_others() -> None
 
 def test_a_setting_reaches_every_stage_of_its_name() -> None:
     parameters = loads("pipeline: [orphans, plaster, orphans]", sets=["orphans.horizontal=7"])
-    assert parameters.pipeline == (Orphans(horizontal=7), Plaster(), Orphans(horizontal=7))
+    stages = (Orphans(horizontal=7), Plaster(), Orphans(horizontal=7))
+    assert parameters == Parameters(pipeline=stages)
 
 
 def test_stages_stand_as_often_and_in_the_order_that_the_user_says() -> None:
@@ -169,13 +175,15 @@ def test_the_presets_say_what_they_are_named_for() -> None:
         mode="sequential",
         vehicle=Vehicle(0.15, 0.5),
         map=MapParameters(0.15, 0.5, 0.15),
-        pipeline=THESIS,
+        pipeline=of_the_thesis(Cells(5)),
     )
 
 
 def test_a_stage_that_is_named_follows_the_thesis_where_nothing_else_is_said() -> None:
     named = loads("pipeline: [median, orphans, walls, plaster, pyramids]").pipeline
-    assert named == (Median(), Orphans(), Walls(), Plaster(), Pyramids(max_height=Cells(3)))
+    widths: dict[str, Any] = {"max_gap": Cells(1), "max_gap_enhanced": Cells(5)}
+    gaps = Walls(**widths), Plaster(**widths)
+    assert named == (Median(), Orphans(), *gaps, Pyramids(max_height=Cells(3)))
     assert Median().recentre == Walls().join == Plaster().slope_reach == 0
     assert Median().level == Median().min_share == Median().max_slope == 0
     assert not Pyramids().pits

@@ -136,7 +136,7 @@ def test_a_misspelt_key_is_one_fault_that_names_the_right_one(
         ("vehicle=3", "such as vehicle.width"),
         ("max_gap=3", "walls.max_gap or plaster.max_gap"),
         ("plaster.max_gap", "plaster.max_gap=VALUE"),
-        ("plaster.max_gap=", "found nothing"),
+        ("plaster.max_gap=", "plaster.max_gap=VALUE"),
         ("plaster.max_gap=[1", "no valid YAML"),
         ("plaster.max_gap=*a", "aliases are not taken"),
         ("plaster.max_gap=-1", "of at least 0"),

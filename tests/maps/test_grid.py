@@ -7,6 +7,7 @@ import pytest
 
 from mlscli.errors import UsageError
 from mlscli.maps.grid import Grid
+from mlscli.maps.merging import merge_maps
 from mlscli.maps.surface_map import SurfaceMap
 from tests.helpers.maps import Patch, map_of
 
@@ -36,3 +37,17 @@ def test_grids_differ_by_lengths_whatever_their_frames_are_called() -> None:
     ):
         with pytest.raises(UsageError, match=f"^maps of different {name} do not go together: "):
             GRID.require_same(other)
+
+
+def test_lengths_that_differ_by_a_rounding_are_the_same_length() -> None:
+    grid = Grid(0.15, 3 * 0.15, 0.15)
+    written = Grid(0.15, 0.45, 0.15)
+    assert grid.gap_size != written.gap_size
+    assert grid.differing(written) == written.differing(grid) == []
+    far = Grid(0.15, 0.45 + 1e-6 * 0.15, 0.15 - 1e-6 * 0.15)
+    assert grid.differing(far) == far.differing(grid) == ["gap_size", "thickness"]
+
+
+def test_maps_whose_lengths_differ_by_a_rounding_are_merged() -> None:
+    one, other = (map_of([Patch(0, 0, 0.0, 0.0, 0, 1)], gap, 0.15) for gap in (3 * 0.15, 0.45))
+    assert merge_maps(one, other).count.tolist() == merge_maps(other, one).count.tolist() == [2]

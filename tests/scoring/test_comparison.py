@@ -295,6 +295,18 @@ def test_maps_of_different_grids_are_refused(name: str) -> None:
         compare_maps(map_of(BRIDGE), replace(map_of(BRIDGE), **change))
 
 
+def test_maps_whose_lengths_differ_by_a_rounding_are_compared() -> None:
+    one = map_of(BRIDGE, 3 * 0.15, 0.15)
+    other = map_of(BRIDGE, 0.45, 0.15)
+    assert one != other
+    comparison = compare_maps(one, other)
+    assert comparison.identical
+    assert (comparison.differ, comparison.grid) == (False, {})
+    thick = replace(other, thickness=0.4)
+    assert compare_maps(one, thick).grid == {"thickness": (one.thickness, 0.4)}
+    assert not compare_maps(one, thick).identical
+
+
 @pytest.mark.parametrize("tolerance", [-1e-9, float("nan"), float("inf")])
 def test_a_tolerance_that_is_no_length_is_refused(tolerance: float) -> None:
     with pytest.raises(UsageError, match=r"tolerance: is .*; it must be a number, 0 or more"):

@@ -17,42 +17,44 @@ from mlscli.maps.neighbours import links
 from mlscli.maps.order import OccupiedCells
 from mlscli.maps.patches import distance
 from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED
-from mlscli.parameters.fields import parameter
-from mlscli.parameters.lengths import Cells, Length, comparable, in_units, whole_cells
+from mlscli.parameters.fields import fields_of, parameter
+from mlscli.parameters.lengths import Cells, Length, exceeds, in_units, whole_cells
 from mlscli.pipeline.stages.inserted import Inserted
 from mlscli.pipeline.stages.stage import Fault, MapStage
 from mlscli.runtime.arrays import Float64, Int32, Int64, frozen
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
+# The width of the craft where nothing is said of it.
+_CRAFT = Cells(1)
+
 
 @dataclass(frozen=True)
 class GapStage(MapStage):
     """A stage that closes gaps in two passes: up to `max_gap`, then up to `max_gap_enhanced`."""
 
-    max_gap: Length = parameter(
-        Cells(1),
+    max_gap: Length | None = parameter(
+        None,
         "widest gap that is surely closed; its patches are plastered",
         low=0,
         default_from="vehicle.width",
     )
-    max_gap_enhanced: Length = parameter(
-        Cells(5),
+    max_gap_enhanced: Length | None = parameter(
+        None,
         "widest gap that is closed at all; patches in gaps wider than max_gap are artificial; "
         "0: no second pass",
         low=0,
+        default_from="max_gap",
+        at_least=Cells(5),
     )
 
     def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:
         """Yield a fault where the second pass would close less than the first."""
         yield from super().faults(cell_size, gap_size)
-        widths = self.max_gap, self.max_gap_enhanced
-        if in_units(self.max_gap_enhanced, 1.0) == 0 or (
-            cell_size is None and not comparable(*widths)
-        ):
+        if self.max_gap is None or self.max_gap_enhanced is None:
             return
-        first, second = (in_units(width, cell_size or 1.0) for width in widths)
-        if second < first:
+        has_second = in_units(self.max_gap_enhanced, 1.0) > 0
+        if has_second and exceeds(self.max_gap, self.max_gap_enhanced, cell_size):
             yield Fault(
                 "max_gap_enhanced",
                 f"{self.max_gap_enhanced} is less than max_gap ({self.max_gap}); at least that, "
@@ -61,13 +63,23 @@ class GapStage(MapStage):
 
     def reach(self, cell_size: float) -> int:
         """Return the widths of both passes in whole cells."""
-        return whole_cells(self.max_gap, cell_size) + whole_cells(self.max_gap_enhanced, cell_size)
+        return sum(whole_cells(width, cell_size) for width in self._widths(cell_size))
 
-    def passes(self) -> Iterator[Widths]:
+    def passes(self, cell_size: float) -> Iterator[Widths]:
         """Yield the widths of pass one, and of pass two where there is one."""
-        yield Widths(self.max_gap, self.max_gap)
-        if in_units(self.max_gap_enhanced, 1.0) > 0:
-            yield Widths(self.max_gap, self.max_gap_enhanced)
+        widths = self._widths(cell_size)
+        yield Widths(widths.certain, widths.certain)
+        if in_units(widths.allowed, 1.0) > 0:
+            yield widths
+
+    def _widths(self, cell_size: float) -> Widths:
+        """Return both widths; those not given as they are for a craft as wide as a cell."""
+        certain = _CRAFT if self.max_gap is None else self.max_gap
+        allowed = self.max_gap_enhanced
+        if allowed is None:
+            followed = fields_of(type(self))["max_gap_enhanced"]
+            allowed = followed.following(certain, cell_size)
+        return Widths(certain, allowed)
 
 
 class Intervals(NamedTuple):

@@ -56,7 +56,7 @@ class Plaster(GapStage):
             in_units(self.height_clearance, cell_size),
             in_units(self.slope_reach, cell_size) / cell_size or np.inf,
         )
-        for widths in self.passes():
+        for widths in self.passes(cell_size):
             heights = Intervals(surface.cells, surface.height, surface.height)
             closing = close_gaps(heights, widths, tolerance)
             surface = surface.with_inserted(*settle(closing, surface))

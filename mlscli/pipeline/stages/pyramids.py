@@ -24,7 +24,7 @@ from mlscli.maps.neighbours import is_at, sought
 from mlscli.maps.patches import distance
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.fields import parameter
-from mlscli.parameters.lengths import Length, comparable, in_units
+from mlscli.parameters.lengths import Length, exceeds, in_units
 from mlscli.pipeline.stages.stage import Fault, MapStage
 from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
 from mlscli.runtime.kernels import inner, kernel
@@ -59,9 +59,7 @@ class Pyramids(MapStage):
         yield from super().faults(cell_size, gap_size)
         if self.max_height is None or gap_size is None:
             return
-        if cell_size is None and not comparable(self.max_height, gap_size):
-            return
-        if in_units(self.max_height, cell_size or 1.0) > in_units(gap_size, cell_size or 1.0):
+        if exceeds(self.max_height, gap_size, cell_size):
             yield Fault("max_height", f"{self.max_height} exceeds gap_size; at most {gap_size}")
 
     def reach(self, cell_size: float) -> int:  # noqa: ARG002

@@ -60,7 +60,7 @@ class Walls(GapStage):
         cell_size = surface.cell_size
         if not (surface.depth > 0).any():
             return surface
-        for widths in self.passes():
+        for widths in self.passes(cell_size):
             upright = np.flatnonzero(surface.depth > 0)
             cells = OccupiedCells.of(surface.ix[upright], surface.iy[upright])
             intervals = Intervals(cells, surface.low_end[upright], surface.height[upright])
