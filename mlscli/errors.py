@@ -54,8 +54,9 @@ class ConfigError(UsageError):
 
 # Arguments that are options of a command, under the same name with dashes; and those under others.
 _ARGUMENTS = (
-    *("add_param", "columns", "crop", "cumulative", "end", "every", "extrinsic", "field_of_view"),
-    *("frame", "grid", "holes", "jobs", "level", "max_slope", "memory", "outliers", "overwrite"),
+    *("add_param", "columns", "crop", "cumulative", "end", "every", "extrinsic", "features"),
+    *("field_of_view", "frame", "grid", "holes", "jobs", "legs", "level", "max_slope", "memory"),
+    *("outliers", "overwrite"),
     *("pose_topic", "range", "route", "route_height", "salt_pepper", "scene", "scheduler"),
     *("scratch", "section", "seed", "seeds", "sigma", "size", "sizes", "start", "time_source"),
     *("topic", "up"),

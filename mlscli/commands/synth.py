@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
+from click.core import ParameterSource
 
 from mlscli.commands import report
 from mlscli.commands.options import as_json, overwrite
@@ -16,6 +17,7 @@ from mlscli.errors import UsageError, with_options
 
 if TYPE_CHECKING:
     from mlscli.scenes.flight import Flight
+    from mlscli.scenes.scan_flight import ScanFlight
     from mlscli.scenes.surfaces import Scene
 
 Kind = Literal["text", "ros1", "ros2", "mcap"]
@@ -28,6 +30,28 @@ ENDINGS: dict[str, Kind] = {
 @click.command()
 @click.option("--type", "type_", metavar="TYPE", help="Scene by name or number; see --list.")
 @click.option("--scene", "file", metavar="FILE", help="Scene in YAML: a list of surfaces.")
+@click.option(
+    "--cloud", metavar="SCAN", help="A real dense cloud, flown over as a scene: any recording."
+)
+@click.option(
+    "--up",
+    default="z",
+    metavar="AXIS",
+    help="With --cloud: axis of the scan that points up: z (default), -z, y, -y, x or -x; auto "
+    "finds it.",
+)
+@click.option(
+    "--features",
+    type=int,
+    metavar="N",
+    help="With --cloud: how many features a keyframe finds at most; 1000 by default.",
+)
+@click.option(
+    "--legs",
+    "legs_file",
+    metavar="FILE",
+    help="With --cloud: the whole route, in YAML: a list of legs.",
+)
 @click.option("--list", "listing", is_flag=True, help="List the scenes there are.")
 @click.option(
     "--add-param",
@@ -82,10 +106,8 @@ ENDINGS: dict[str, Kind] = {
 @click.option(
     "--route-height",
     type=float,
-    default=1.5,
-    show_default=True,
     metavar="H",
-    help="Of the survey above the scene's top.",
+    help="Of the survey above the scene's top; by default 1.5, over a scan a tenth of its width.",
 )
 @click.option(
     "--field-of-view",
@@ -124,6 +146,10 @@ ENDINGS: dict[str, Kind] = {
 def command(
     type_: str | None,
     file: str | None,
+    cloud: str | None,
+    up: str,
+    features: int | None,
+    legs_file: str | None,
     listing: bool,
     output: str | None,
     sensor_frame: bool,
@@ -141,6 +167,27 @@ def command(
     if listing:
         click.echo(_scenes(as_json))
         return
+    context = click.get_current_context()
+    given = {
+        name: parameter.opts[-1]
+        for parameter in context.command.params
+        if (name := parameter.name)
+        and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    }
+    if cloud is not None:
+        for name in _OF_SCENES:
+            if name in given:
+                raise UsageError(
+                    f"{given[name]}: belongs to a scene; --cloud takes a scan as it is"
+                )
+        account = _over_scan(
+            cloud, up, features, legs_file, output, sensor_frame, overwrite, flying
+        )
+        click.echo(json.dumps(account, indent=2) if as_json else _scan_text(account))
+        return
+    for name in ("up", "features", "legs_file"):
+        if name in given:
+            raise UsageError(f"{given[name]}: goes with --cloud")
     scene = _scene(type_, file, flying.pop("add_param"), flying.pop("size"))
     target = Path(output if output is not None else f"{scene.name}.txt")
     kind = _kind(target)
@@ -169,6 +216,92 @@ def command(
         "seconds": time.perf_counter() - begin,
     }
     click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+
+
+# Options that say what a scene, its grid or its truth are.
+_OF_SCENES = (
+    *("type_", "file", "add_param", "size", "grid", "holes"),
+    *("cell_size", "gap_size", "thickness"),
+)
+
+
+def _over_scan(
+    cloud: str,
+    up: str,
+    features: int | None,
+    legs_file: str | None,
+    output: str | None,
+    sensor_frame: bool,
+    overwrite: bool,
+    flying: dict[str, Any],
+) -> dict[str, Any]:
+    """Fly over a scan, write what was recorded, and return the account.
+
+    Parameters
+    ----------
+    cloud : str
+        Path of the scan.
+    up : str
+        Which axis of it points up.
+    features : int or None
+        How many features a keyframe finds at most; None: `FEATURES`.
+    legs_file : str or None
+        The route, if given by hand.
+    output : str or None
+        What is written.
+    sensor_frame, overwrite : bool
+        As in `write_bag`.
+    flying : dict
+        The options of the flight.
+    """
+    from mlscli.io.reading.recording import open_recording
+    from mlscli.keyframes.batches import gather
+    from mlscli.scenes.flight import Craft
+    from mlscli.scenes.noise import Noise
+    from mlscli.scenes.scan_flight import FEATURES, fly_scan, survey_height
+    from mlscli.scenes.scans import Scan
+    from mlscli.scenes.sceneio import load_legs
+    from mlscli.scenes.surfaces import Scatter
+
+    target = Path(output if output is not None else f"{Path(cloud).stem}.flight.txt")
+    kind = _kind(target)
+    begin = time.perf_counter()
+    recording = open_recording(cloud, up=up)
+    scan = Scan.of(cloud, gather(recording.keyframes()).points.xyz)
+    if legs_file is not None:
+        scan = scan.with_legs(*load_legs(legs_file))
+    height = flying["route_height"]
+    flight = fly_scan(
+        scan,
+        FEATURES if features is None else features,
+        Noise(
+            flying["noise"], Scatter(*flying["sigma"]), flying["salt_pepper"], flying["outliers"]
+        ),
+        Craft(
+            survey_height(scan) if height is None else height,
+            flying["field_of_view"],
+            flying["reach"],
+        ),
+        seed=flying["seed"],
+        visibility=not flying["all_points"],
+    )
+    _write(target, kind, flight, sensor_frame, overwrite)
+    return {
+        "recording": str(target),
+        "truth": cloud,
+        "points": flight.points,
+        "keyframes": len(flight.keyframes),
+        "scan_points": len(scan.xyz),
+        "seconds": time.perf_counter() - begin,
+    }
+
+
+def _scan_text(account: dict[str, Any]) -> str:
+    return (
+        f"{account['recording']}: {account['points']:,} points in {account['keyframes']:,} "
+        f"keyframes over {account['scan_points']:,} points of a scan; the truth is "
+        f"{account['truth']}"
+    )
 
 
 def _scenes(as_json: bool) -> str:
@@ -245,7 +378,7 @@ def _fly(
     holes: tuple[float, float],
     seed: int,
     all_points: bool,
-    route_height: float,
+    route_height: float | None,
     field_of_view: float,
     reach: float | None,
 ) -> Flight:
@@ -268,8 +401,8 @@ def _fly(
         Seed of all random numbers.
     all_points : bool
         Whether points that no keyframe sees are recorded, too.
-    route_height : float
-        Height of the survey above the scene's top.
+    route_height : float or None
+        Height of the survey above the scene's top; None: as in `Craft`.
     field_of_view : float
         The whole angle that the camera sees, in degrees.
     reach : float or None
@@ -291,14 +424,16 @@ def _fly(
         scene,
         grid,
         Noise(noise, Scatter(*sigma), salt_pepper, outliers),
-        Craft(route_height, field_of_view, reach),
+        Craft(Craft.height if route_height is None else route_height, field_of_view, reach),
         holes=(int(count), diameter),
         seed=seed,
         visibility=not all_points,
     )
 
 
-def _write(target: Path, kind: Kind, flight: Flight, sensor_frame: bool, overwrite: bool) -> None:
+def _write(
+    target: Path, kind: Kind, flight: Flight | ScanFlight, sensor_frame: bool, overwrite: bool
+) -> None:
     if kind == "text":
         from mlscli.io.writing.flight_text import write_text
 

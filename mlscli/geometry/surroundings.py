@@ -66,15 +66,25 @@ class Planes(NamedTuple):
     ----------
     points : float64 (N, 3)
         Coordinates, in the unit of the recording.
+    middles : float64 (N, 3)
+        The means of the surroundings, which the planes run through.
     normals : float64 (N, 3)
         Unit normals, to either side of the plane.
     trust : float64 (N,)
         From 1, where the surroundings lie in the plane, down to 0, where they form no plane.
+    variances : float64 (N, 3)
+        Of the surroundings along the normal, then along the shorter and the longer side of the
+        plane, in the square of the unit.
+    reach : float64 (N,)
+        Distance of the farthest neighbour, in the unit of the recording.
     """
 
     points: Float64
+    middles: Float64
     normals: Float64
     trust: Float64
+    variances: Float64
+    reach: Float64
 
 
 def planes(points: Float64, neighbours: int = 16) -> Planes:
@@ -91,21 +101,24 @@ def planes(points: Float64, neighbours: int = 16) -> Planes:
     """
     from scipy.spatial import cKDTree
 
-    normals, trust, reach = np.empty((len(points), 3)), np.empty(len(points)), np.empty(len(points))
+    middles, normals, variances = (np.empty((len(points), 3)) for _ in range(3))
+    trust, reach = np.empty(len(points)), np.empty(len(points))
     tree = cKDTree(points)
     ranks = np.arange(1, min(neighbours, len(points)) + 1)
     for begin in range(0, len(points), _AT_ONCE):
         rows = slice(begin, begin + _AT_ONCE)
         distances, near = tree.query(points[rows], k=ranks)
-        offsets = points[near] - points[near].mean(axis=1, keepdims=True)
-        variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
-        thickness, width, length = np.maximum(variances.T, 0.0)
+        middles[rows] = points[near].mean(axis=1)
+        offsets = points[near] - middles[rows, None]
+        squares, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
+        variances[rows] = np.maximum(squares, 0.0) / len(ranks)
+        thickness, width, length = np.maximum(squares.T, 0.0)
         ratio = thickness / np.where(width > 0, width, 1.0)
         trust[rows] = np.where(width > _THINNEST * length, np.exp(-ratio / _THICKNESS), 0.0)
         normals[rows], reach[rows] = axes[:, :, 0], distances[:, -1]
     if len(points):
         trust[reach > 3 * np.median(reach)] = 0.0
-    return Planes(points, normals, trust)
+    return Planes(points, middles, normals, trust, variances, reach)
 
 
 def _hash(points: Float64) -> UInt64:

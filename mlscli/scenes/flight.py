@@ -15,7 +15,7 @@ from mlscli.errors import UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Float64, Int32
 from mlscli.scenes.noise import Chances, Noise, displace, scatter_outliers
-from mlscli.scenes.route import CameraPoses, fly_route
+from mlscli.scenes.route import CameraPoses, Site, fly_route
 from mlscli.scenes.sampling import Samples, outside_holes, sample
 from mlscli.scenes.surfaces import Scene
 
@@ -33,20 +33,20 @@ class Craft:
     Attributes
     ----------
     height : float
-        Height of the survey above the scene's top, in the unit of the scene.
+        Height of the survey above the site's top, in its unit.
     field_of_view : float
         The whole angle of the cone that the camera sees, in degrees.
     range : float or None
-        How far the camera sees, in the unit of the scene; None: twice the distance from the survey
-        down to the scene's bottom.
+        How far the camera sees, in the unit of the site; None: twice the distance from the survey
+        down to the site's bottom.
     """
 
     height: float = 1.5
     field_of_view: float = 120.0
     range: float | None = None
 
-    def reach(self, scene: Scene) -> float:
-        """Check field of view and range, and return how far the camera sees in a scene.
+    def reach(self, site: Site) -> float:
+        """Check field of view and range, and return how far the camera sees at a site.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class Craft:
                 f"`field_of_view` {self.field_of_view:g}: expected degrees above 0, at most 360"
             )
         if self.range is None:
-            low, high = scene.bounds
+            low, high = site.bounds
             return 2 * (self.height + float(high[2] - low[2]))
         if not (math.isfinite(self.range) and self.range > 0):
             raise UsageError(f"`range` {self.range:g}: expected a distance above 0")
@@ -125,7 +125,9 @@ def fly(
         Where a value is out of range, the scene has no surface, or the camera sees nothing.
     """
     noise, craft = noise or Noise(), craft or Craft()
-    _check(scene, noise, holes, seed)
+    if not scene.surfaces:
+        raise UsageError(f"{scene.name}: has no surface to fly over")
+    check(scene, noise, holes, seed)
     reach = craft.reach(scene)
     chances = Chances(seed)
     poses = fly_route(scene, craft.height)
@@ -143,28 +145,32 @@ def fly(
             reach,
         )
     else:
-        keyframe = _nearest(samples.xyz, poses)
-    xyz = displace(
-        samples.xyz,
-        poses.position[np.maximum(keyframe, 0)],
-        _sigmas(scene, noise)[samples.surface],
-        noise,
-        chances,
-    )
-    if noise.outliers:
-        low, high = scene.bounds
-        xyz = scatter_outliers(xyz, noise.outliers, float(low[2]), float(high[2]), chances)
-    return _recorded(scene, xyz + 0.0, keyframe, poses)
+        keyframe = nearest(samples.xyz, poses)
+    sigma = _sigmas(scene, noise)[samples.surface]
+    return Flight(scene, *recorded(scene, samples.xyz, keyframe, poses, sigma, noise, chances))
 
 
-def _check(scene: Scene, noise: Noise, holes: tuple[int, float], seed: int) -> None:
+def check(site: Site, noise: Noise, holes: tuple[int, float], seed: int) -> None:
+    """Check what a flight is asked for.
+
+    Parameters
+    ----------
+    site : Scene or Scan
+    noise : Noise
+    holes : tuple of int and float
+    seed : int
+        As in `fly`.
+
+    Raises
+    ------
+    UsageError
+        Where a value is out of range.
+    """
     noise.check()
-    if not scene.surfaces:
-        raise UsageError(f"{scene.name}: has no surface to fly over")
-    low, high = scene.bounds
+    low, high = site.bounds
     if noise.outliers and low[2] == high[2]:
         raise UsageError(
-            f"`outliers` {noise.outliers:g}: {scene.name} is flat, and outliers are spread over "
+            f"`outliers` {noise.outliers:g}: {site.name} is flat, and outliers are spread over "
             "the height of the scene"
         )
     count, diameter = holes
@@ -183,7 +189,7 @@ def _with_features(
     return Samples(samples.xyz[kept], samples.surface[kept], samples.texture[kept])
 
 
-def _nearest(xyz: Float64, poses: CameraPoses) -> Int32:
+def nearest(xyz: Float64, poses: CameraPoses) -> Int32:
     """Return the number of the pose nearest to each point, int32 (N,)."""
     from scipy.spatial import cKDTree
 
@@ -196,14 +202,49 @@ def _sigmas(scene: Scene, noise: Noise) -> Float64:
     return np.array([surface.scatter or noise.sigma for surface in scene.surfaces])
 
 
-def _recorded(scene: Scene, xyz: Float64, keyframe: Int32, poses: CameraPoses) -> Flight:
-    """Return the flight: points by the pose that sees them; those without one (-1) are left out."""
+def recorded(
+    site: Site,
+    xyz: Float64,
+    keyframe: Int32,
+    poses: CameraPoses,
+    sigma: Float64,
+    noise: Noise,
+    chances: Chances,
+) -> tuple[list[Keyframe], Float64]:
+    """Return the K keyframes that see points, with noise, and the attitudes, as in `Flight`.
+
+    Parameters
+    ----------
+    site : Scene or Scan
+        What is flown over.
+    xyz : float64 (N, 3)
+        The points, in the unit of the site.
+    keyframe : int32 (N,)
+        The number of the pose that sees each; points without one (-1) are left out.
+    poses : CameraPoses
+    sigma : float64 (N, 2)
+        The horizontal and the vertical sigma of each.
+    noise : Noise
+        Its `sigma` is not used.
+    chances : Chances
+        Where the random numbers come from.
+
+    Raises
+    ------
+    UsageError
+        Where no point is seen.
+    """
+    xyz = displace(xyz, poses.position[np.maximum(keyframe, 0)], sigma, noise, chances)
+    if noise.outliers:
+        low, high = site.bounds
+        xyz = scatter_outliers(xyz, noise.outliers, float(low[2]), float(high[2]), chances)
+    xyz = xyz + 0.0
     order = np.argsort(keyframe, kind="stable")
     order = order[np.searchsorted(keyframe[order], 0) :]
     numbers, start = np.unique(keyframe[order], return_index=True)
     if not len(numbers):
         raise UsageError(
-            f"{scene.name}: the camera sees nothing; widen `range` or `field_of_view`, or lower "
+            f"{site.name}: the camera sees nothing; widen `range` or `field_of_view`, or lower "
             "`route_height`"
         )
     clouds = np.split(xyz[order], start[1:])
@@ -211,4 +252,4 @@ def _recorded(scene: Scene, xyz: Float64, keyframe: Int32, poses: CameraPoses) -
     for number, cloud in zip(numbers.tolist(), clouds, strict=True):
         x, y, z = poses.position[number].tolist()
         keyframes.append(Keyframe(cloud, BEGIN + INTERVAL_SECONDS * number, (x, y, z)))
-    return Flight(scene, keyframes, poses.attitude[numbers])
+    return keyframes, poses.attitude[numbers]

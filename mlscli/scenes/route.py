@@ -5,16 +5,33 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from mlscli.errors import UsageError
 from mlscli.runtime.arrays import Float64
-from mlscli.scenes.surfaces import Leg, Scene
+from mlscli.scenes.surfaces import Leg
 
 # Distance of the lanes, and of the keyframes, in heights of the survey above the scene's top.
 LANE, STEP = 1.5, 0.5
 MAX_POSES = 1_000_000
+
+
+class Site(Protocol):
+    """What a craft flies over: a scene or a scan."""
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+
+    @property
+    def bounds(self) -> tuple[Float64, Float64]:
+        """Its least and greatest x, y, z, float64 (3,) each."""
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """What the craft flies after the survey from above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,40 +75,74 @@ class CameraPoses:
         )
 
 
-def fly_route(scene: Scene, height: float) -> CameraPoses:
-    """Return the poses of a flight: lanes over the whole scene, then its legs.
+def fly_route(site: Site, height: float) -> CameraPoses:
+    """Return the poses of a flight: lanes over the whole site, then its legs.
 
     Parameters
     ----------
-    scene : Scene
+    site : Scene or Scan
     height : float
-        Height of the lanes above the scene's top, in the unit of the scene. Lanes are at most 1.5
-        heights apart, keyframes at most half a height.
+        Height of the lanes above the site's top, in its unit. Lanes are at most 1.5 heights apart,
+        keyframes at most half a height.
 
     Raises
     ------
     UsageError
         Where `height` is not above 0, or so small that the keyframes are too many.
     """
+    return poses_along([*survey(site, height), *site.legs], height)
+
+
+def poses_along(legs: Iterable[Leg], height: float) -> CameraPoses:
+    """Return the poses on legs, at most half a `height` apart on each, from its start to its end.
+
+    Raises
+    ------
+    UsageError
+        Where `height` is not above 0, or so small that the keyframes are too many.
+    """
+    check_height(height)
+    legs = list(legs)
+    step = STEP * height
+    length = sum(math.dist(leg.start, leg.end) for leg in legs)
+    if length / step > MAX_POSES:
+        raise UsageError(
+            f"`route_height` {height:g}: keyframes half of it apart are more than {MAX_POSES} on "
+            f"legs of {length:g}; fly higher"
+        )
+    return _along(legs, step)
+
+
+def check_height(height: float) -> None:
+    """Check the height of a survey.
+
+    Raises
+    ------
+    UsageError
+        Where it is not above 0.
+    """
     if not (math.isfinite(height) and height > 0):
         raise UsageError(f"`route_height` {height:g}: expected a height above 0")
-    low, high = scene.bounds
+
+
+def survey(site: Site, height: float) -> list[Leg]:
+    """Return parallel lanes over a site, flown in turns there and back, looking straight down.
+
+    They reach half the distance of two lanes beyond the site on each side.
+
+    Raises
+    ------
+    UsageError
+        Where `height` is not above 0, or so small that the keyframes are too many.
+    """
+    check_height(height)
+    low, high = site.bounds
     area = float(np.prod((high - low)[:2] + 2 * LANE * height))
     if area / (LANE * STEP * height * height) > MAX_POSES:
         raise UsageError(
-            f"`route_height` {height:g}: so low over {scene.name}, a survey takes more than "
+            f"`route_height` {height:g}: so low over {site.name}, a survey takes more than "
             f"{MAX_POSES} keyframes; fly higher"
         )
-    legs = [*survey(scene, height), *scene.legs]
-    return _along(legs, STEP * height)
-
-
-def survey(scene: Scene, height: float) -> list[Leg]:
-    """Return parallel lanes over the scene, flown in turns there and back, looking straight down.
-
-    They reach half the distance of two lanes beyond the scene on each side.
-    """
-    low, high = scene.bounds
     lane, z = LANE * height, float(high[2]) + height
     longer = int(high[1] - low[1] > high[0] - low[0])
     shorter = 1 - longer

@@ -10,7 +10,7 @@ import math
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from mlscli.config.yaml_nodes import (
     Key,
@@ -100,6 +100,9 @@ _BLOCKS: dict[str, Callable[..., Scene]] = {
     "vertical": add_vertical,
 }
 _TOP_KEYS = ("surfaces", "legs")
+_TAKES = {"scene": "a scene", "legs": "a route"}
+
+Read = TypeVar("Read")
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -112,23 +115,43 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     ConfigError
         Where the scene is at fault; lists every fault in it.
     """
+    return parse_scene(_text_of(path, "scene"), os.fspath(path))
+
+
+def load_legs(path: str | os.PathLike[str]) -> tuple[Leg, ...]:
+    """Read the legs of a route from a file: a list of them, or one under the key `legs`.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, is too large, or is not UTF-8 text.
+    ConfigError
+        Where the route is at fault; lists every fault in it.
+    """
+    return _parsed(_text_of(path, "legs"), os.fspath(path), _SceneReader.route)
+
+
+def _text_of(path: str | os.PathLike[str], argument: str) -> str:
+    """Return the text of a file that an argument names."""
     source = Path(path)
     try:
         with source.open("rb") as stream:
             data = stream.read(MAX_SCENE_BYTES + 1)
     except FileNotFoundError:
-        raise InputError(f"{source}: no such file; `scene` takes a scene in YAML") from None
+        what = f"`{argument}` takes {_TAKES[argument]} in YAML"
+        raise InputError(f"{source}: no such file; {what}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{source}: cannot be read as a scene: {reason}") from error
+        raise InputError(f"{source}: cannot be read as {_TAKES[argument]}: {reason}") from error
     if len(data) > MAX_SCENE_BYTES:
-        raise InputError(f"{source}: more than {MAX_SCENE_BYTES} bytes, which is no scene")
+        raise InputError(
+            f"{source}: more than {MAX_SCENE_BYTES} bytes, which is not {_TAKES[argument]}"
+        )
     try:
-        text = data.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         found = f"byte 0x{data[error.start]:02x} at offset {error.start}"
         raise InputError(f"{source}: {found} is not UTF-8; save it as UTF-8 text") from error
-    return parse_scene(text, os.fspath(path))
 
 
 def parse_scene(text: str, name: str) -> Scene:
@@ -139,16 +162,23 @@ def parse_scene(text: str, name: str) -> Scene:
     ConfigError
         Where the scene is at fault; lists every fault in it.
     """
+    return _parsed(text, name, _SceneReader.scene)
+
+
+def _parsed(
+    text: str, name: str, read: Callable[[_SceneReader, Node | None, Place, str], Read]
+) -> Read:
+    """Return what is read from a text in YAML; raise ConfigError with every fault in it."""
     try:
         root, faults = read_yaml(text, name)
     except UnreadableYaml as error:
         raise ConfigError([str(error.fault)]) from error
     reader = _SceneReader(faults)
-    scene = reader.scene(root, Place(name, 1, 1), Path(name).stem)
+    found = read(reader, root, Place(name, 1, 1), Path(name).stem)
     if reader.faults:
         ordered = sorted(reader.faults, key=lambda fault: fault.place[1:])
         raise ConfigError([str(fault) for fault in ordered])
-    return scene
+    return found
 
 
 class _SceneReader:
@@ -177,6 +207,20 @@ class _SceneReader:
             self.fault(whole, "surfaces: none is given; a scene has at least one")
         legs = self.items(parts.get("legs"), "legs")
         return scene.with_legs(*filter(None, [self.leg(item) for item in legs]))
+
+    def route(self, root: Node | None, whole: Place, name: str) -> tuple[Leg, ...]:  # noqa: ARG002
+        """Return the legs of a list, or of the list under the key `legs`."""
+        found: Node | None = root
+        if isinstance(root, MapNode):
+            found = next((node for _, node in self.entries(root, "", ("legs",))), None)
+        elif not isinstance(root, ListNode | RefusedNode):
+            what = describe(root) if root else "nothing"
+            self.fault(whole, f"found {what}; expected a list of legs")
+            return ()
+        legs = tuple(filter(None, [self.leg(item) for item in self.items(found, "legs")]))
+        if not legs and not self.faults:
+            self.fault(whole, "legs: none is given; a route has at least one")
+        return legs
 
     def surface(self, scene: Scene, item: Node) -> Scene:
         """Add the surface of an item ``horizontal: {...}`` or ``vertical: {...}``."""
