@@ -56,8 +56,8 @@ class ConfigError(UsageError):
 _ARGUMENTS = (
     *("add_param", "columns", "crop", "cumulative", "end", "every", "extrinsic", "features"),
     *("field_of_view", "frame", "grid", "holes", "jobs", "legs", "level", "max_slope", "memory"),
-    *("outliers", "overwrite"),
-    *("pose_topic", "range", "route", "route_height", "salt_pepper", "scene", "scheduler"),
+    *("outliers", "overwrite", "pose_topic", "range", "reference"),
+    *("route", "route_height", "salt_pepper", "scene", "scheduler"),
     *("scratch", "section", "seed", "seeds", "sigma", "size", "sizes", "start", "time_source"),
     *("topic", "up"),
 )

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+from mlscli.commands.options import say
+
+if TYPE_CHECKING:
+    from mlscli.io.reading.recording import Recording
+    from mlscli.runtime.arrays import Float64
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -127,3 +133,15 @@ def reading(command: Command) -> Command:
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def read_points(recording: Recording) -> Float64:
+    """Return all points of a recording, (N, 3), and say what is to know of how it was read."""
+    import numpy as np
+
+    clouds = [keyframe.points for keyframe in recording.keyframes()]
+    for note in recording.notes:
+        say(f"mls: {note}")
+    for loss in recording.losses:
+        say(f"mls: warning: {loss}")
+    return np.concatenate(clouds)

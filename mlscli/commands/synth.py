@@ -1,18 +1,19 @@
-"""`mls synth`: synthetic flights over scenes, and their exact truth."""
+"""`mls synth`: synthetic flights over scenes, with their exact truth, and over scans."""
 
 from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 from click.core import ParameterSource
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json, overwrite
-from mlscli.commands.reading import Numbers
+from mlscli.commands.options import PARTLY_READ, as_json, overwrite
+from mlscli.commands.reading import FormatsInHelp, Numbers, read_points, reading
 from mlscli.errors import UsageError, with_options
 
 if TYPE_CHECKING:
@@ -27,30 +28,20 @@ ENDINGS: dict[str, Kind] = {
 }  # fmt: skip
 
 
-@click.command()
+# What makes a scene and its truth; and what goes with a scan, beside how it is read.
+_OF_SCENES = "type_", "file", "add_param", "size", "grid", "cell_size", "gap_size", "thickness"
+_OF_SCANS = "features", "legs", "survey"
+
+
+@click.command(cls=FormatsInHelp)
 @click.option("--type", "type_", metavar="TYPE", help="Scene by name or number; see --list.")
 @click.option("--scene", "file", metavar="FILE", help="Scene in YAML: a list of surfaces.")
 @click.option(
-    "--cloud", metavar="SCAN", help="A real dense cloud, flown over as a scene: any recording."
-)
-@click.option(
-    "--up",
-    default="z",
-    metavar="AXIS",
-    help="With --cloud: axis of the scan that points up: z (default), -z, y, -y, x or -x; auto "
-    "finds it.",
-)
-@click.option(
-    "--features",
-    type=int,
-    metavar="N",
-    help="With --cloud: how many features a keyframe finds at most; 1000 by default.",
-)
-@click.option(
-    "--legs",
-    "legs_file",
-    metavar="FILE",
-    help="With --cloud: the whole route, in YAML: a list of legs.",
+    "--cloud",
+    "clouds",
+    multiple=True,
+    metavar="SCAN",
+    help="A dense scan of a real place, to be flown over as a scene. Several are taken as one.",
 )
 @click.option("--list", "listing", is_flag=True, help="List the scenes there are.")
 @click.option(
@@ -61,7 +52,19 @@ ENDINGS: dict[str, Kind] = {
 )
 @click.option("--size", type=int, metavar="N", help="Houses along each side of the village.")
 @click.option(
-    "--grid", type=float, default=0.1, show_default=True, metavar="S", help="Spacing of the points."
+    "--grid",
+    type=float,
+    default=0.1,
+    show_default=True,
+    metavar="S",
+    help="Spacing of the points on a scene.",
+)
+@click.option(
+    "--features",
+    type=int,
+    metavar="N",
+    help="With --cloud: points that a keyframe finds at most, more of them where the surface "
+    "varies.  [default: 1000]",
 )
 @click.option(
     "--sigma",
@@ -76,6 +79,13 @@ ENDINGS: dict[str, Kind] = {
     default="thesis",
     show_default=True,
     help="Salt and pepper in z, or depth errors that grow with the square of the distance.",
+)
+@click.option(
+    "--reference",
+    type=float,
+    metavar="D",
+    help="Distance at which --noise slam has the sigma; by default 2, over a scan the median "
+    "distance of what is seen.",
 )
 @click.option(
     "--salt-pepper",
@@ -110,6 +120,16 @@ ENDINGS: dict[str, Kind] = {
     help="Of the survey above the scene's top; by default 1.5, over a scan a tenth of its width.",
 )
 @click.option(
+    "--survey/--no-survey",
+    default=None,
+    help="With --cloud: fly lanes above the scan, or only within it; by default as suits it.",
+)
+@click.option(
+    "--legs",
+    metavar="FILE",
+    help="With --cloud: the route in YAML, a list of legs; by default one is found.",
+)
+@click.option(
     "--field-of-view",
     type=float,
     default=120.0,
@@ -138,170 +158,101 @@ ENDINGS: dict[str, Kind] = {
     "--output",
     metavar="OUT",
     help="Text (.txt, .csv, .xyz), ROS 1 bag (.bag), MCAP (.mcap) or, without an ending, a ROS 2 "
-    "folder; by default the scene's name with .txt. The truth is written beside it.",
+    "folder; by default the scene's name with .txt, the scan's with .flight.txt.",
 )
 @click.option("--sensor-frame", is_flag=True, help="In bags: clouds in the camera's frame.")
 @overwrite
 @as_json
+@reading
 def command(
     type_: str | None,
     file: str | None,
-    cloud: str | None,
-    up: str,
-    features: int | None,
-    legs_file: str | None,
+    clouds: tuple[str, ...],
     listing: bool,
+    add_param: float | None,
+    size: int | None,
+    grid: float,
+    features: int | None,
+    sigma: tuple[float, float],
+    noise: Literal["thesis", "slam"],
+    reference: float | None,
+    salt_pepper: float,
+    outliers: float,
+    holes: tuple[float, float],
+    seed: int,
+    all_points: bool,
+    route_height: float | None,
+    survey: bool | None,
+    legs: str | None,
+    field_of_view: float,
+    reach: float | None,
+    cell_size: float,
+    gap_size: float,
+    thickness: float | None,
     output: str | None,
     sensor_frame: bool,
     overwrite: bool,
     as_json: bool,
-    cell_size: float,
-    gap_size: float,
-    thickness: float | None,
-    **flying: Any,
-) -> None:
-    """Make a synthetic flight over a scene, and its exact truth.
+    **selection: Any,
+) -> int:
+    """Make a synthetic flight over a scene or a scan.
 
-    The truth is a map of the surfaces themselves, OUT.truth.npz; mls compare scores a map by it.
+    Over a scene, its exact truth is written, too: a map of the surfaces themselves, OUT.truth.npz;
+    mls compare --truth scores a map by it.
+
+    Over a scan (--cloud SCAN), the truth is the scan: mls compare --cloud SCAN. It is read as mls
+    build would, with the same options: FORMATS.
     """
     if listing:
         click.echo(_scenes(as_json))
-        return
-    context = click.get_current_context()
-    given = {
-        name: parameter.opts[-1]
-        for parameter in context.command.params
-        if (name := parameter.name)
-        and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-    }
-    if cloud is not None:
-        for name in _OF_SCENES:
-            if name in given:
-                raise UsageError(
-                    f"{given[name]}: belongs to a scene; --cloud takes a scan as it is"
-                )
-        account = _over_scan(
-            cloud, up, features, legs_file, output, sensor_frame, overwrite, flying
-        )
-        click.echo(json.dumps(account, indent=2) if as_json else _scan_text(account))
-        return
-    for name in ("up", "features", "legs_file"):
-        if name in given:
-            raise UsageError(f"{given[name]}: goes with --cloud")
-    scene = _scene(type_, file, flying.pop("add_param"), flying.pop("size"))
-    target = Path(output if output is not None else f"{scene.name}.txt")
-    kind = _kind(target)
-    if sensor_frame and kind == "text":
-        raise UsageError(f"--sensor-frame: {target} is text, which has no frames; name a bag")
-    stem = target.name if kind == "ros2" else target.stem
-    beside = target.with_name(f"{stem}.truth.npz")
-    _refuse_existing(target, kind, beside, overwrite)
-
-    from mlscli.io.writing.npz import write_map
-    from mlscli.scenes.truth import truth
-
-    begin = time.perf_counter()
-    true = truth(scene, cell_size, gap_size, cell_size if thickness is None else thickness)
-    flight = _fly(scene, **flying)
-    _write(target, kind, flight, sensor_frame, overwrite)
-    write_map(beside, true, overwrite=overwrite)
-    account = {
-        "recording": str(target),
-        "truth": str(beside),
-        "scene": scene.name,
-        "points": flight.points,
-        "keyframes": len(flight.keyframes),
-        "surfaces": len(scene.surfaces),
-        "truth_patches": true.size,
-        "seconds": time.perf_counter() - begin,
-    }
-    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
-
-
-# Options that say what a scene, its grid or its truth are.
-_OF_SCENES = (
-    *("type_", "file", "add_param", "size", "grid", "holes"),
-    *("cell_size", "gap_size", "thickness"),
-)
-
-
-def _over_scan(
-    cloud: str,
-    up: str,
-    features: int | None,
-    legs_file: str | None,
-    output: str | None,
-    sensor_frame: bool,
-    overwrite: bool,
-    flying: dict[str, Any],
-) -> dict[str, Any]:
-    """Fly over a scan, write what was recorded, and return the account.
-
-    Parameters
-    ----------
-    cloud : str
-        Path of the scan.
-    up : str
-        Which axis of it points up.
-    features : int or None
-        How many features a keyframe finds at most; None: `FEATURES`.
-    legs_file : str or None
-        The route, if given by hand.
-    output : str or None
-        What is written.
-    sensor_frame, overwrite : bool
-        As in `write_bag`.
-    flying : dict
-        The options of the flight.
-    """
-    from mlscli.io.reading.recording import open_recording
-    from mlscli.keyframes.batches import gather
+        return 0
+    if clouds:
+        _refuse_given("belongs to a scene, and --cloud is a scan", *_OF_SCENES)
+    else:
+        _refuse_given("goes with --cloud SCAN", *_OF_SCANS, *selection)
     from mlscli.scenes.flight import Craft
     from mlscli.scenes.noise import Noise
-    from mlscli.scenes.scan_flight import FEATURES, fly_scan, survey_height
-    from mlscli.scenes.scans import Scan
-    from mlscli.scenes.sceneio import load_legs
     from mlscli.scenes.surfaces import Scatter
 
-    target = Path(output if output is not None else f"{Path(cloud).stem}.flight.txt")
-    kind = _kind(target)
     begin = time.perf_counter()
-    recording = open_recording(cloud, up=up)
-    scan = Scan.of(cloud, gather(recording.keyframes()).points.xyz)
-    if legs_file is not None:
-        scan = scan.with_legs(*load_legs(legs_file))
-    height = flying["route_height"]
-    flight = fly_scan(
-        scan,
-        FEATURES if features is None else features,
-        Noise(
-            flying["noise"], Scatter(*flying["sigma"]), flying["salt_pepper"], flying["outliers"]
-        ),
-        Craft(
-            survey_height(scan) if height is None else height,
-            flying["field_of_view"],
-            flying["reach"],
-        ),
-        seed=flying["seed"],
-        visibility=not flying["all_points"],
-    )
-    _write(target, kind, flight, sensor_frame, overwrite)
-    return {
-        "recording": str(target),
-        "truth": cloud,
-        "points": flight.points,
-        "keyframes": len(flight.keyframes),
-        "scan_points": len(scan.xyz),
-        "seconds": time.perf_counter() - begin,
+    count, diameter = holes
+    if not count.is_integer():
+        raise UsageError(f"--holes {count:g},{diameter:g}: expected a whole number of holes")
+    flown: dict[str, Any] = {
+        "noise": Noise(noise, Scatter(*sigma), salt_pepper, outliers, reference),
+        "craft": Craft(route_height, field_of_view, reach),
+        "holes": (int(count), diameter),
+        "seed": seed,
+        "visibility": not all_points,
     }
+    written = _Output(output, sensor_frame, overwrite)
+    if clouds:
+        if all_points and features is not None:
+            raise UsageError(f"--features {features}: --all-points records every point; drop one")
+        thinned = {} if features is None else {"features": features}
+        account = _over_scan(clouds, selection, legs, written, survey=survey, **thinned, **flown)
+    else:
+        scene = _scene(type_, file, add_param, size)
+        grids = (cell_size, gap_size, cell_size if thickness is None else thickness)
+        account = _over_scene(scene, grids, written, grid=grid, **flown)
+    account["seconds"] = time.perf_counter() - begin
+    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+    return PARTLY_READ if account.get("lost") else 0
 
 
-def _scan_text(account: dict[str, Any]) -> str:
-    return (
-        f"{account['recording']}: {account['points']:,} points in {account['keyframes']:,} "
-        f"keyframes over {account['scan_points']:,} points of a scan; the truth is "
-        f"{account['truth']}"
-    )
+def _refuse_given(why: str, *names: str) -> None:
+    """Refuse options that were given and do not go with others.
+
+    Raises
+    ------
+    UsageError
+        Naming the first of them.
+    """
+    context = click.get_current_context()
+    for option in context.command.params:
+        source = context.get_parameter_source(option.name or "")
+        if option.name in names and source is ParameterSource.COMMANDLINE:
+            raise UsageError(f"{option.opts[0]}: {why}")
 
 
 def _scenes(as_json: bool) -> str:
@@ -334,7 +285,9 @@ def _scene(type_: str | None, file: str | None, add_param: float | None, size: i
 
     if (type_ is None) == (file is None):
         found = "both" if file else "neither"
-        raise UsageError(f"found {found} of --type and --scene, expected one; see --list")
+        raise UsageError(
+            f"found {found} of --type and --scene, expected one, or --cloud; see --list"
+        )
     if type_ is not None:
         return make(type_, add_param, size)
     for option, value in (("--add-param", add_param), ("--size", size)):
@@ -355,105 +308,143 @@ def _kind(target: Path) -> Kind:
     return ENDINGS[ending]
 
 
-def _refuse_existing(target: Path, kind: Kind, beside: Path, overwrite: bool) -> None:
-    from mlscli.io.writing.atomic import refuse_existing
+class _Output(NamedTuple):
+    """What is to be written.
 
-    if kind == "text":
-        refuse_existing(target, overwrite=overwrite)
-    else:
+    Attributes
+    ----------
+    name : str or None
+        The file or folder; None: by the name of what is flown over.
+    sensor_frame, overwrite : bool
+        As in `write_bag`.
+    """
+
+    name: str | None
+    sensor_frame: bool
+    overwrite: bool
+
+    def target(self, usual: str, sources: Sequence[str] = ()) -> tuple[Path, Kind]:
+        """Return what is written and its format; refuse what must not be, before any work."""
+        from mlscli.io.writing.atomic import refuse_existing, refuse_sources
         from mlscli.io.writing.flight_bag import refuse_existing_bag
 
-        refuse_existing_bag(target, kind, overwrite=overwrite)
-    refuse_existing(beside, overwrite=overwrite)
+        target = Path(usual if self.name is None else self.name)
+        kind = _kind(target)
+        if self.sensor_frame and kind == "text":
+            raise UsageError(f"--sensor-frame: {target} is text, which has no frames; name a bag")
+        refuse_sources(target, sources)
+        if kind == "text":
+            refuse_existing(target, overwrite=self.overwrite)
+        else:
+            refuse_existing_bag(target, kind, overwrite=self.overwrite)
+        return target, kind
+
+    def write(self, target: Path, kind: Kind, flight: Flight | ScanFlight) -> None:
+        """Write a flight."""
+        if kind == "text":
+            from mlscli.io.writing.flight_text import write_text
+
+            write_text(target, flight.keyframes, overwrite=self.overwrite)
+        else:
+            from mlscli.io.writing.flight_bag import write_bag
+
+            write_bag(
+                target,
+                flight.keyframes,
+                flight.attitudes,
+                kind,
+                sensor_frame=self.sensor_frame,
+                overwrite=self.overwrite,
+            )
 
 
-def _fly(
-    scene: Scene,
-    *,
-    grid: float,
-    sigma: tuple[float, float],
-    noise: Literal["thesis", "slam"],
-    salt_pepper: float,
-    outliers: float,
-    holes: tuple[float, float],
-    seed: int,
-    all_points: bool,
-    route_height: float | None,
-    field_of_view: float,
-    reach: float | None,
-) -> Flight:
-    """Fly over a scene with the options of the command.
+def _over_scene(
+    scene: Scene, grids: tuple[float, float, float], written: _Output, **flown: Any
+) -> dict[str, Any]:
+    """Fly over a scene, write the recording and the truth, and return the account."""
+    from mlscli.io.writing.atomic import refuse_existing
+    from mlscli.io.writing.npz import write_map
+    from mlscli.scenes.flight import fly
+    from mlscli.scenes.truth import truth
+
+    target, kind = written.target(f"{scene.name}.txt")
+    stem = target.name if kind == "ros2" else target.stem
+    beside = target.with_name(f"{stem}.truth.npz")
+    refuse_existing(beside, overwrite=written.overwrite)
+    true = truth(scene, *grids)
+    flight = fly(scene, **flown)
+    written.write(target, kind, flight)
+    write_map(beside, true, overwrite=written.overwrite)
+    return {
+        "recording": str(target),
+        "truth": str(beside),
+        "scene": scene.name,
+        "points": flight.points,
+        "keyframes": len(flight.keyframes),
+        "surfaces": len(scene.surfaces),
+        "truth_patches": true.size,
+    }
+
+
+def _over_scan(
+    clouds: Sequence[str],
+    selection: dict[str, Any],
+    legs: str | None,
+    written: _Output,
+    **flown: Any,
+) -> dict[str, Any]:
+    """Fly over a scan, write the recording, and return the account.
 
     Parameters
     ----------
-    scene : Scene
-    grid : float
-        Spacing of the points, in the unit of the scene.
-    sigma : tuple of float
-        Horizontal and vertical standard deviation of the points.
-    noise : {"thesis", "slam"}
-        Kind of the noise.
-    salt_pepper, outliers : float
-        Probabilities, as in `Noise`.
-    holes : tuple of float
-        How many places without texture, a whole number, and their diameter.
-    seed : int
-        Seed of all random numbers.
-    all_points : bool
-        Whether points that no keyframe sees are recorded, too.
-    route_height : float or None
-        Height of the survey above the scene's top; None: as in `Craft`.
-    field_of_view : float
-        The whole angle that the camera sees, in degrees.
-    reach : float or None
-        How far the camera sees; None: as in `Craft`.
-
-    Raises
-    ------
-    UsageError
-        As `fly`, and where the number of holes is not whole.
+    clouds : sequence of str
+        The files of the scan.
+    selection : dict
+        The options with which they are read, as for `mlscli.open_recording`.
+    legs : str or None
+        The file with the route, if it is given by hand.
+    written : _Output
+    flown
+        As for `fly_scan`.
     """
-    from mlscli.scenes.flight import Craft, fly
-    from mlscli.scenes.noise import Noise
-    from mlscli.scenes.surfaces import Scatter
+    from mlscli.io.reading.recording import open_recording
+    from mlscli.scenes.scan_flight import fly_scan
+    from mlscli.scenes.scans import Scan
+    from mlscli.scenes.sceneio import load_legs
 
-    count, diameter = holes
-    if not count.is_integer():
-        raise UsageError(f"--holes {count:g},{diameter:g}: expected a whole number of holes")
-    return fly(
-        scene,
-        grid,
-        Noise(noise, Scatter(*sigma), salt_pepper, outliers),
-        Craft(Craft.height if route_height is None else route_height, field_of_view, reach),
-        holes=(int(count), diameter),
-        seed=seed,
-        visibility=not all_points,
+    first = Path(clouds[0]).resolve()
+    target, kind = written.target(
+        f"{first.name if first.is_dir() else first.stem}.flight.txt", clouds
     )
-
-
-def _write(
-    target: Path, kind: Kind, flight: Flight | ScanFlight, sensor_frame: bool, overwrite: bool
-) -> None:
-    if kind == "text":
-        from mlscli.io.writing.flight_text import write_text
-
-        write_text(target, flight.keyframes, overwrite=overwrite)
-    else:
-        from mlscli.io.writing.flight_bag import write_bag
-
-        write_bag(
-            target,
-            flight.keyframes,
-            flight.attitudes,
-            kind,
-            sensor_frame=sensor_frame,
-            overwrite=overwrite,
-        )
+    by_hand = () if legs is None else load_legs(legs)
+    recording = open_recording(*clouds, **selection)
+    scan = Scan.of(", ".join(clouds), read_points(recording)).with_legs(*by_hand)
+    flight = fly_scan(scan, **flown)
+    written.write(target, kind, flight)
+    return {
+        "recording": str(target),
+        "cloud": list(clouds),
+        "points": flight.points,
+        "keyframes": len(flight.keyframes),
+        "scan_points": len(scan.xyz),
+        "scan_seen": flight.seen,
+        "median_range": flight.range,
+        "lost": recording.losses,
+    }
 
 
 def _text(account: dict[str, Any]) -> str:
-    return (
+    what = (
         f"{account['recording']}: {account['points']:,} points in {account['keyframes']:,} "
-        f"keyframes over {account['surfaces']:,} surfaces; {account['truth']}: "
+        "keyframes over "
+    )
+    if "cloud" in account:
+        return (
+            f"{what}a scan of {account['scan_points']:,}, {100 * account['scan_seen']:.1f} % of it "
+            f"seen, from {account['median_range']:.3g} away in the median; the truth is the scan, "
+            f"{', '.join(account['cloud'])}"
+        )
+    return (
+        f"{what}{account['surfaces']:,} surfaces; {account['truth']}: "
         f"{account['truth_patches']:,} true patches"
     )

@@ -20,6 +20,8 @@ from mlscli.runtime.threads import WORTHWHILE, in_ranges
 
 # At most about this many boxes for each disc, and never fewer boxes than the second in all.
 _BOXES_EACH, _BOXES = 2.0, 100_000
+# Into how many boxes a disc may reach on average.
+_REACHED = 30.0
 # The square of the greatest slope by which a disc's plane is in doubt.
 _TILT = 0.25
 
@@ -69,38 +71,17 @@ def discs(centre: Float64, normal: Float64, radius: Float64, depth: Float64) -> 
     extent = high - low
     most = max(_BOXES, _BOXES_EACH * len(centre))
     side = max(2 * float(np.median(radius)), float(extent.max()) / 2**20, 1e-9)
-    while float(np.prod(np.floor(extent / side) + 1)) > most:
-        side *= 1.1
+    while (
+        float(np.prod(np.floor(extent / side) + 1)) > most
+        or float(((2 * radius / side + 1) ** 3).mean()) > _REACHED
+    ):
+        side *= 1.25
     shape = (extent / side).astype(np.int64) + 1
     boxes = int(np.prod(shape))
     ends = [0, *np.cumsum(_count(centre, radius, low, side, shape, boxes)).tolist()]
     start = np.array(ends, dtype=np.int64)
     members = _fill(centre, radius, low, side, shape, start)
     return Discs(centre, normal, radius, depth, low, side, shape, start, members)
-
-
-def in_sight(
-    points: Float64,
-    chosen: Int64,
-    camera: Float64,
-    obstacles: Discs,
-    most: int,
-) -> Int64:
-    """Return the first `most` of the chosen points that a camera sees, int64 (M,).
-
-    Parameters
-    ----------
-    points : float64 (N, 3)
-        In the unit of the scan.
-    chosen : int64 (C,)
-        Indices of points, in the order in which they are looked for.
-    camera : float64 (3,)
-        Position of the camera.
-    obstacles : Discs
-    most : int
-        Where so many are seen, the search ends.
-    """
-    return _in_sight(points, chosen, camera, obstacles, most)
 
 
 def sights(points: Float64, cameras: Float64, reach: float, obstacles: Discs) -> Bool:
@@ -122,7 +103,7 @@ def sights(points: Float64, cameras: Float64, reach: float, obstacles: Discs) ->
         for number in range(begin, end):
             away = points - cameras[number]
             near = np.flatnonzero((away * away).sum(axis=1) <= reach * reach)
-            found = _in_sight(points, near, cameras[number], obstacles, len(near))
+            found = in_sight(points, near, cameras[number], obstacles, len(near))
             seen[number, found] = True
 
     in_ranges(len(cameras), work, weight=WORTHWHILE)
@@ -201,8 +182,21 @@ def _fill(
 
 
 @kernel
-def _in_sight(points: Float64, chosen: Int64, camera: Float64, obstacles: Any, most: int) -> Int64:
-    """Return the first `most` of the chosen points that are in sight, as `in_sight`."""
+def in_sight(points: Float64, chosen: Int64, camera: Float64, obstacles: Any, most: int) -> Int64:
+    """Return the first `most` of the chosen points that a camera sees, int64 (M,).
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+        In the unit of the scan.
+    chosen : int64 (C,)
+        Indices of points, in the order in which they are looked for.
+    camera : float64 (3,)
+        Position of the camera.
+    obstacles : Discs
+    most : int
+        Where so many are seen, the search ends.
+    """
     found = np.empty(min(most, len(chosen)), dtype=np.int64)
     count = 0
     for i in chosen:

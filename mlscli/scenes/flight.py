@@ -13,7 +13,7 @@ import numpy as np
 
 from mlscli.errors import UsageError
 from mlscli.keyframes.keyframe import Keyframe
-from mlscli.runtime.arrays import Float64, Int32
+from mlscli.runtime.arrays import Bool, Float64, Int32
 from mlscli.scenes.noise import Chances, Noise, displace, scatter_outliers
 from mlscli.scenes.route import CameraPoses, Site, fly_route
 from mlscli.scenes.sampling import Samples, outside_holes, sample
@@ -32,8 +32,8 @@ class Craft:
 
     Attributes
     ----------
-    height : float
-        Height of the survey above the site's top, in its unit.
+    height : float or None
+        Height of the survey above the site's top, in its unit; None: the site's `usual_height`.
     field_of_view : float
         The whole angle of the cone that the camera sees, in degrees.
     range : float or None
@@ -41,9 +41,23 @@ class Craft:
         down to the site's bottom.
     """
 
-    height: float = 1.5
+    height: float | None = None
     field_of_view: float = 120.0
     range: float | None = None
+
+    def above(self, site: Site) -> float:
+        """Return how high above its top the craft surveys a site.
+
+        Raises
+        ------
+        UsageError
+            Where `height` is not above 0.
+        """
+        if self.height is None:
+            return site.usual_height
+        if not (math.isfinite(self.height) and self.height > 0):
+            raise UsageError(f"`route_height` {self.height:g}: expected a height above 0")
+        return self.height
 
     def reach(self, site: Site) -> float:
         """Check field of view and range, and return how far the camera sees at a site.
@@ -51,7 +65,7 @@ class Craft:
         Raises
         ------
         UsageError
-            Where `field_of_view` or `range` is out of range.
+            Where a value is out of range.
         """
         if not 0 < self.field_of_view <= 360:
             raise UsageError(
@@ -59,10 +73,28 @@ class Craft:
             )
         if self.range is None:
             low, high = site.bounds
-            return 2 * (self.height + float(high[2] - low[2]))
+            return 2 * (self.above(site) + float(high[2] - low[2]))
         if not (math.isfinite(self.range) and self.range > 0):
             raise UsageError(f"`range` {self.range:g}: expected a distance above 0")
         return self.range
+
+    def frames(self, away: Float64, direction: Float64, reach: float) -> Bool:
+        """Return which points are in the camera's cone and range, bool (N,).
+
+        Parameters
+        ----------
+        away : float64 (N, 3)
+            From the camera to the points, in the unit of the site.
+        direction : float64 (3,)
+            The unit vector along which the camera looks.
+        reach : float
+            How far it sees.
+        """
+        far = np.sqrt((away * away).sum(axis=1))
+        cosine = math.cos(math.radians(self.field_of_view / 2))
+        # In three sums, for a product of matrices may depend on how many rows there are.
+        ahead = away[:, 0] * direction[0] + away[:, 1] * direction[1] + away[:, 2] * direction[2]
+        return np.asarray((far <= reach) & (ahead >= cosine * far))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +162,7 @@ def fly(
     check(scene, noise, holes, seed)
     reach = craft.reach(scene)
     chances = Chances(seed)
-    poses = fly_route(scene, craft.height)
+    poses = fly_route(scene, craft.above(scene))
     samples = _with_features(scene, sample(scene, grid), holes, chances)
     if visibility:
         from mlscli.scenes.visibility import first_seen

@@ -16,7 +16,7 @@ SALT_PEPPER_FACTOR = 5.0
 """Factor on the sigma in z of points with salt-and-pepper noise (thesis, section 5.2)."""
 
 REFERENCE_DISTANCE = 2.0
-"""Distance at which a triangulated point has the sigma given, in the unit of the scene."""
+"""Distance at which a point over a scene has the sigma given, in the unit of the scene."""
 
 WRONG_DISPARITY = (0.5, 2.0)
 """Least and greatest factor on the disparity of a wrong correspondence."""
@@ -35,7 +35,7 @@ class Noise:
         ``thesis``: Gaussian in x, y and z; with the probability `salt_pepper`, the sigma in z is
         5 times as large. ``slam``: errors of triangulation. Along the viewing ray, the vertical
         sigma grows with the square of the distance; across it, the horizontal sigma grows with the
-        distance; `sigma` holds at a distance of 2. With the probability `salt_pepper` the
+        distance; `sigma` holds at the distance `reference`. With the probability `salt_pepper` the
         correspondence is wrong: the depth is half to twice the true one, uniform in its inverse.
     sigma : Scatter
         For surfaces without a scatter of their own, in the unit of the scene.
@@ -43,12 +43,16 @@ class Noise:
         Probability, 0 to 1, of salt and pepper, or of a wrong correspondence.
     outliers : float
         Probability, 0 to 1, that z is replaced by one uniform from the scene's bottom to its top.
+    reference : float or None
+        Distance at which ``slam`` has the `sigma`, in the unit of the scene. None: 2, over a scan
+        the median distance at which points are seen.
     """
 
     kind: Literal["thesis", "slam"] = "thesis"
     sigma: Scatter = DEFAULT_SIGMA
     salt_pepper: float = 0.1
     outliers: float = 0.0
+    reference: float | None = None
 
     def check(self) -> None:
         """Check the ranges.
@@ -56,7 +60,7 @@ class Noise:
         Raises
         ------
         UsageError
-            Where `sigma`, `salt_pepper` or `outliers` is out of range.
+            Where a value is out of range.
         """
         if not all(math.isfinite(sigma) and sigma >= 0 for sigma in self.sigma):
             given = ",".join(f"{sigma:g}" for sigma in self.sigma)
@@ -64,6 +68,11 @@ class Noise:
         for name, chance in (("salt_pepper", self.salt_pepper), ("outliers", self.outliers)):
             if not 0 <= chance <= 1:
                 raise UsageError(f"`{name}` {chance:g}: expected a share from 0 to 1")
+        if self.reference is not None:
+            if not (math.isfinite(self.reference) and self.reference > 0):
+                raise UsageError(f"`reference` {self.reference:g}: expected a distance above 0")
+            if self.kind != "slam":
+                raise UsageError(f"`reference` {self.reference:g}: goes with noise slam")
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,7 @@ def displace(
     sigma : float64 (N, 2)
         The horizontal and the vertical sigma of each point, in the unit of the scene.
     noise : Noise
-        Kind and probabilities; its `sigma` is not used.
+        Kind, probabilities and reference; its `sigma` is not used.
     chances : Chances
         Where the random numbers come from.
 
@@ -113,7 +122,7 @@ def displace(
         return moved
     ray = xyz - cameras
     distance = np.sqrt((ray * ray).sum(axis=1))
-    far = distance / REFERENCE_DISTANCE
+    far = distance / (REFERENCE_DISTANCE if noise.reference is None else noise.reference)
     ahead = ray / np.where(distance > 0, distance, 1.0)[:, None]
     error = gauss[:, 0] * sigma[:, 1] * far * far
     disparity = chances.of("correspondence").uniform(*WRONG_DISPARITY, len(xyz))

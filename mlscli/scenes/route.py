@@ -33,6 +33,10 @@ class Site(Protocol):
     def legs(self) -> tuple[Leg, ...]:
         """What the craft flies after the survey from above."""
 
+    @property
+    def usual_height(self) -> float:
+        """How high above its top a craft usually flies."""
+
 
 @dataclass(frozen=True, eq=False)
 class CameraPoses:
@@ -88,7 +92,7 @@ def fly_route(site: Site, height: float) -> CameraPoses:
     Raises
     ------
     UsageError
-        Where `height` is not above 0, or so small that the keyframes are too many.
+        Where `height` is so small that the keyframes are too many.
     """
     return poses_along([*survey(site, height), *site.legs], height)
 
@@ -99,9 +103,8 @@ def poses_along(legs: Iterable[Leg], height: float) -> CameraPoses:
     Raises
     ------
     UsageError
-        Where `height` is not above 0, or so small that the keyframes are too many.
+        Where `height` is so small that the keyframes are too many.
     """
-    check_height(height)
     legs = list(legs)
     step = STEP * height
     length = sum(math.dist(leg.start, leg.end) for leg in legs)
@@ -113,18 +116,6 @@ def poses_along(legs: Iterable[Leg], height: float) -> CameraPoses:
     return _along(legs, step)
 
 
-def check_height(height: float) -> None:
-    """Check the height of a survey.
-
-    Raises
-    ------
-    UsageError
-        Where it is not above 0.
-    """
-    if not (math.isfinite(height) and height > 0):
-        raise UsageError(f"`route_height` {height:g}: expected a height above 0")
-
-
 def survey(site: Site, height: float) -> list[Leg]:
     """Return parallel lanes over a site, flown in turns there and back, looking straight down.
 
@@ -133,9 +124,8 @@ def survey(site: Site, height: float) -> list[Leg]:
     Raises
     ------
     UsageError
-        Where `height` is not above 0, or so small that the keyframes are too many.
+        Where `height` is so small that the keyframes are too many.
     """
-    check_height(height)
     low, high = site.bounds
     area = float(np.prod((high - low)[:2] + 2 * LANE * height))
     if area / (LANE * STEP * height * height) > MAX_POSES:

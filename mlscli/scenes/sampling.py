@@ -76,14 +76,22 @@ def outside_holes(
         Diameter of the balls, in the unit of the scene.
     rng : numpy.random.Generator
     """
-    kept = np.ones(len(xyz), dtype=np.bool_)
     if not count:
-        return kept
+        return np.ones(len(xyz), dtype=np.bool_)
     areas = np.array([math.hypot(*surface.normal) for surface in scene.surfaces])
     chosen = rng.choice(len(areas), size=count, p=areas / areas.sum())
-    for surface, (a, b) in zip(chosen, rng.random((count, 2)), strict=True):
-        around = scene.surfaces[surface]
-        centre = np.array(around.corner) + a * np.array(around.along) + b * np.array(around.across)
+    centres = [
+        np.array(around.corner) + a * np.array(around.along) + b * np.array(around.across)
+        for surface, (a, b) in zip(chosen, rng.random((count, 2)), strict=True)
+        for around in [scene.surfaces[surface]]
+    ]
+    return outside_balls(xyz, np.array(centres), diameter)
+
+
+def outside_balls(xyz: Float64, centres: Float64, diameter: float) -> Bool:
+    """Return which points (N, 3) lie outside all balls with centres (M, 3), bool (N,)."""
+    kept = np.ones(len(xyz), dtype=np.bool_)
+    for centre in centres:
         near = np.flatnonzero((np.abs(xyz - centre) < diameter / 2).all(axis=1))
         inside = ((xyz[near] - centre) ** 2).sum(axis=1) < (diameter / 2) ** 2
         kept[near[inside]] = False

@@ -1,25 +1,34 @@
-"""A flight over a scan: keyframes of the points of a dense cloud that a craft's camera finds."""
+"""A flight over a scan: keyframes of the features of a dense cloud that a craft's camera finds.
+
+Each point has a luck of its own, an exponential random number. Of the points that a keyframe sees,
+it finds those with the least luck / weight, as many as asked for: a draw without replacement by
+weights (Efraimidis and Spirakis 2006, doi:10.1016/j.ipl.2005.11.003). The weight is the texture
+times the solid angle under which the point's piece of surface would be seen from straight ahead.
+So features are spread over the image, wherever the scanner stood, more of them where the surface
+varies; and because luck stays with a point, the next keyframes find the same features again. As a
+visual SLAM triangulates a point once, it belongs to the keyframe that finds it first.
+"""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlscli.errors import UsageError
 from mlscli.keyframes.keyframe import Keyframe
-from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
 from mlscli.runtime.threads import WORTHWHILE, in_ranges
 from mlscli.scenes.discs import in_sight
 from mlscli.scenes.flight import Craft, check, nearest, recorded
 from mlscli.scenes.noise import Chances, Noise
-from mlscli.scenes.route import CameraPoses, poses_along
-from mlscli.scenes.scan_route import find_legs
+from mlscli.scenes.route import CameraPoses
+from mlscli.scenes.sampling import outside_balls
+from mlscli.scenes.scan_route import find_route, share_seen
 from mlscli.scenes.scans import Scan
 
 FEATURES = 1000
-"""How many features a camera finds at most, as ORB-SLAM2 does by default."""
+"""How many features a camera finds at most: as many as ORB-SLAM2 looks for in most cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +42,17 @@ class ScanFlight:
     keyframes : list of Keyframe
     attitudes : float64 (K, 4)
         As in `mlscli.scenes.flight.Flight`.
+    range : float
+        Median distance at which points are seen, in the unit of the scan.
+    seen : float
+        Share of the scan's area that at least one keyframe sees, 0 to 1, found from a sample.
     """
 
     scan: Scan
     keyframes: list[Keyframe]
     attitudes: Float64
+    range: float
+    seen: float
 
     @property
     def points(self) -> int:
@@ -51,6 +66,8 @@ def fly_scan(
     noise: Noise | None = None,
     craft: Craft | None = None,
     *,
+    survey: bool | None = None,
+    holes: tuple[int, float] = (0, 0.0),
     seed: int = 0,
     visibility: bool = True,
 ) -> ScanFlight:
@@ -60,13 +77,18 @@ def fly_scan(
     ----------
     scan : Scan
     features : int
-        How many features a keyframe finds at most.
+        How many points a keyframe finds at most, those that earlier ones have found among them.
     noise : Noise, optional
         How points are displaced; by default ``Noise()``.
     craft : Craft, optional
-        How the craft flies, and what its camera sees; by default at `survey_height`.
+        How the craft flies, and what its camera sees; by default ``Craft()``.
+    survey : bool, optional
+        Whether the craft flies lanes above the scan; by default as `find_route` decides.
+    holes : tuple of int and float
+        How many round places are without texture, and their diameter in the unit of the scan.
     seed : int
-        Seed of all random numbers, 0 or more; the same seed gives the same flight.
+        Seed of all random numbers, 0 or more; the same seed gives the same flight. The route does
+        not depend on it.
     visibility : bool
         Whether only points that a keyframe finds are recorded. Otherwise all points are, each by
         the nearest keyframe.
@@ -76,66 +98,69 @@ def fly_scan(
     UsageError
         Where a value is out of range, or the camera sees nothing.
     """
-    noise = noise or Noise()
-    craft = craft or Craft(height=survey_height(scan))
-    check(scan, noise, (0, 0.0), seed)
+    noise, craft = noise or Noise(), craft or Craft()
+    check(scan, noise, holes, seed)
     if features < 1:
         raise UsageError(f"`features` {features}: expected 1 or more")
-    reach = craft.reach(scan)
-    legs = scan.legs or find_legs(scan, craft.height, reach, craft.field_of_view)
-    poses = poses_along(legs, craft.height)
-    chances = Chances(seed)
+    poses, chances = find_route(scan, craft, survey), Chances(seed)
     if visibility:
-        keyframe = _first_found(scan, poses, craft, reach, features, chances)
+        luck = chances.of("features").exponential(size=len(scan.xyz))
+        luck[~_textured(scan, holes, chances)] = np.inf
+        keyframe = _first_found(scan, luck, poses, craft, features)
     else:
         keyframe = nearest(scan.xyz, poses)
-    sigma = np.tile(np.array(noise.sigma), (len(scan.xyz), 1))
-    return ScanFlight(scan, *recorded(scan, scan.xyz, keyframe, poses, sigma, noise, chances))
+        keyframe[~_textured(scan, holes, chances)] = -1
+    found = keyframe >= 0
+    ranges = np.linalg.norm(scan.xyz[found] - poses.position[keyframe[found]], axis=1)
+    median = float(np.median(ranges)) if len(ranges) else 0.0
+    if noise.kind == "slam" and noise.reference is None and median > 0:
+        noise = replace(noise, reference=median)
+    sigma = np.broadcast_to(np.array(noise.sigma), (len(scan.xyz), 2))
+    keyframes, attitudes = recorded(scan, scan.xyz, keyframe, poses, sigma, noise, chances)
+    seen = share_seen(scan, poses, craft) if visibility else 1.0
+    return ScanFlight(scan, keyframes, attitudes, median, seen)
 
 
-def survey_height(scan: Scan) -> float:
-    """Return the height of a survey that takes some 200 keyframes."""
-    low, high = scan.bounds
-    return float(f"{math.sqrt(float(np.prod((high - low)[:2]))) / 10:.2g}")
+def _textured(scan: Scan, holes: tuple[int, float], chances: Chances) -> Bool:
+    """Return which points lie outside of all holes, which are spread evenly by area, bool (N,)."""
+    count, diameter = holes
+    chosen = chances.of("holes").choice(len(scan.area), count, p=scan.area / scan.area.sum())
+    return outside_balls(scan.xyz, scan.xyz[chosen], diameter)
 
 
 def _first_found(
-    scan: Scan, poses: CameraPoses, craft: Craft, reach: float, features: int, chances: Chances
+    scan: Scan, luck: Float64, poses: CameraPoses, craft: Craft, features: int
 ) -> Int32:
     """Return the number of the first keyframe that finds each point, int32 (N,); -1: none.
 
     Parameters
     ----------
     scan : Scan
+    luck : float64 (N,)
+        The points with the least luck, by their weight, are found; infinite: never.
     poses : CameraPoses
     craft : Craft
-    reach : float
-        How far the camera sees.
     features : int
         How many points a keyframe finds at most.
-    chances : Chances
     """
-    area = np.maximum(np.minimum(scan.radius, 4 * scan.spacing), 1e-100) ** 2
-    rarity = chances.of("features").exponential(size=len(area)) / (scan.texture * area)
-    cosine = math.cos(math.radians(craft.field_of_view / 2))
-    directions = poses.direction
+    directions, reach, obstacles = poses.direction, craft.reach(scan), scan.discs
+    rarity = luck / (scan.texture * scan.area)
 
     def work(begin: int, end: int) -> list[Int64]:
-        found = []
+        views = []
         for number in range(begin, end):
-            position, direction = poses.position[number], directions[number]
+            position = poses.position[number]
             away = scan.xyz - position
-            square = (away * away).sum(axis=1)
-            far = np.sqrt(square)
-            chosen = np.flatnonzero((far <= reach) & (away @ direction >= cosine * far))
-            order = np.argsort(rarity[chosen] * square[chosen], kind="stable")
-            found.append(in_sight(scan.xyz, chosen[order], position, scan.discs, features))
-        return found
+            ahead = np.flatnonzero(craft.frames(away, directions[number], reach))
+            ahead = ahead[np.isfinite(rarity[ahead])]
+            square = (away[ahead] ** 2).sum(axis=1)
+            order = np.argsort(rarity[ahead] * square, kind="stable")
+            views.append(in_sight(scan.xyz, ahead[order], position, obstacles, features))
+        return views
 
-    _ = scan.discs
     first = np.full(len(scan.xyz), -1, dtype=np.int32)
-    parts = in_ranges(len(poses.position), work, weight=WORTHWHILE)
+    parts = in_ranges(len(directions), work, weight=WORTHWHILE)
     views = [view for part in parts for view in part]
-    for number, view in reversed(list(enumerate(views))):
-        first[view] = number
+    for number in range(len(views) - 1, -1, -1):
+        first[views[number]] = number
     return first

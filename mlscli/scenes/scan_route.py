@@ -1,153 +1,114 @@
-"""The route through a scan: a survey from above, and rings in the free space that shows the rest.
+"""The route through a scan: a survey from above, and rings where the rest is seen.
 
-Free space is looked for in boxes: those far enough from every point, with points below, so that
-none lies under the ground. Where a craft could be, it would turn once round, on a ring, its
-camera outwards. Rings are chosen one after the other, each where it sees the most of what is not
-yet seen, until the next would see next to nothing (greedy covering, as in planning the next best
-view: Connolly 1985, doi:10.1109/ROBOT.1985.1087372). The survey is left out where what lies under
-cover sees nearly all: indoors.
+A ring is a small circle in free space, the camera outwards: it shows all around, from positions
+that differ. Rings are chosen one after the other, each where most is seen of what is not yet seen,
+until the next would add next to nothing: greedy covering, the usual way to plan views (Scott, Roth
+and Rivest 2003, doi:10.1145/641865.641868). The craft flies to the nearest by the shortest way
+through free space; where none is known, another flight begins.
+
+The survey is left out where rings under cover, below something of the scan, see nearly all:
+indoors. Then the craft stays below the scan's top.
 """
 
 from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
-from mlscli.runtime.arrays import Bool, Float64, Int64
+from mlscli.runtime.arrays import Bool, Float64
 from mlscli.scenes.discs import in_sight, sights
+from mlscli.scenes.flight import Craft
+from mlscli.scenes.free_space import Places, find_places
 from mlscli.scenes.noise import Chances
 from mlscli.scenes.route import CameraPoses, poses_along, survey
 from mlscli.scenes.scans import Scan
 from mlscli.scenes.surfaces import Leg
 
-# Boxes in which free space is looked for, positions in it, points looked at, and rings, at most.
-_BOXES, _PLACES, _LOOKED_AT, _RINGS = 2_000_000, 500, 3000, 150
-# A craft keeps so many boxes away from every point.
-_CLEARANCE = 2.0
+# How many points are looked at to choose rings by, and how many rings there are at most.
+_LOOKED_AT, _RINGS = 2000, 200
 # A ring adds at least this share of the scan, the survey that one.
 _ADDS, _SURVEY_ADDS = 0.002, 0.1
 _SIDES = 6
-_TILT = 80.0
+# How far the camera looks up from straight down, within the scan: nearly level.
+_TILT = 75.0
 
 
-class _Places(NamedTuple):
-    """Places where a craft could be.
-
-    Attributes
-    ----------
-    position : float64 (P, 3)
-    clearance : float64 (P,)
-        Distance of the nearest point, in the unit of the scan.
-    covered : bool (P,)
-        Whether points lie above.
-    """
-
-    position: Float64
-    clearance: Float64
-    covered: Bool
-
-
-def find_legs(scan: Scan, height: float, reach: float, field_of_view: float) -> list[Leg]:
-    """Return the legs of a route that shows what of a scan can be shown.
+def find_route(scan: Scan, craft: Craft, lanes: bool | None = None) -> CameraPoses:
+    """Return the poses of a flight that shows what of a scan can be shown.
 
     Parameters
     ----------
     scan : Scan
-    height : float
-        Height of the survey above the scan's top, in the unit of the scan.
-    reach : float
-        How far the camera sees.
-    field_of_view : float
-        The whole angle of the cone that the camera sees, in degrees.
+        With legs of its own, only these are flown, after the survey if asked for.
+    craft : Craft
+        How it flies, and what its camera sees.
+    lanes : bool or None
+        Whether the scan is surveyed from above. None: not where rings under cover see nearly all
+        or the scan has legs.
+
+    Raises
+    ------
+    UsageError
+        Where a value is out of range.
     """
-    lanes = survey(scan, height)
-    above = poses_along(lanes, height)
-    points = _looked_at(scan)
-    from_above = _seen_by_cameras(scan, points, above, reach, field_of_view)
-    places = _places(scan)
-    shown = sights(points, places.position, reach, scan.discs)
-    seen = shown[_most_showing(shown, places.covered, np.zeros(len(points), np.bool_))].any(axis=0)
-    flown = (from_above & ~seen).mean() >= _SURVEY_ADDS
-    legs = lanes if flown else []
-    chosen = _most_showing(shown, np.ones(len(shown), np.bool_), from_above & flown)
-    for place in _tour(places.position[chosen]):
-        legs += _ring(places.position[chosen][place], places.clearance[chosen][place] / 2)
-    return legs
+    height, reach = craft.above(scan), craft.reach(scan)
+    if scan.legs:
+        return poses_along([*(survey(scan, height) if lanes else ()), *scan.legs], height)
+    over = survey(scan, height) if lanes is not False else []
+    points = _evenly(scan)
+    from_above = np.zeros(len(points), dtype=np.bool_)
+    if over:
+        from_above = _seen(scan, points, poses_along(over, height), craft)
+    places = find_places(scan)
+    # As far as from the survey to the bottom: what is seen from farther away is seen badly.
+    shown = sights(points, places.position, reach / 2, scan.discs)
+    if lanes is None:
+        inside = _most_showing(shown[places.covered], np.zeros_like(from_above))
+        hidden = ~shown[places.covered][inside].any(axis=0)
+        if (from_above & hidden).mean() < _SURVEY_ADDS:
+            over, from_above = [], np.zeros_like(from_above)
+    if not over:
+        # Nor does a craft rise above a scan that it does not survey.
+        shown &= (places.position[:, 2] <= scan.bounds[1][2])[:, None]
+    chosen = _most_showing(shown, from_above)
+    return poses_along([*over, *_tour(places, chosen, height)], height)
 
 
-def _looked_at(scan: Scan) -> Float64:
-    """Return some points, spread evenly over the area of the scan."""
-    area = np.minimum(scan.radius, 4 * scan.spacing) ** 2
-    keys = Chances(0).of("looked at").exponential(size=len(area)) / np.maximum(area, 1e-300)
+def share_seen(scan: Scan, poses: CameraPoses, craft: Craft) -> float:
+    """Return the share of a scan's area that at least one camera sees, 0 to 1, from a sample."""
+    return float(_seen(scan, _evenly(scan), poses, craft).mean())
+
+
+def _evenly(scan: Scan) -> Float64:
+    """Return points spread evenly over the area of a scan, float64 (M, 3)."""
+    keys = Chances(0).of("looked at").exponential(size=len(scan.xyz)) / scan.area
     return scan.xyz[np.sort(np.argsort(keys, kind="stable")[:_LOOKED_AT])]
 
 
-def _seen_by_cameras(
-    scan: Scan, points: Float64, poses: CameraPoses, reach: float, field_of_view: float
-) -> Bool:
+def _seen(scan: Scan, points: Float64, poses: CameraPoses, craft: Craft) -> Bool:
     """Return which points (N, 3) at least one camera sees, bool (N,)."""
-    cosine = math.cos(math.radians(min(field_of_view, 360.0) / 2))
     seen = np.zeros(len(points), dtype=np.bool_)
     for position, direction in zip(poses.position, poses.direction, strict=True):
-        away = points - position
-        far = np.sqrt((away * away).sum(axis=1))
-        chosen = np.flatnonzero(~seen & (far <= reach) & (away @ direction >= cosine * far))
-        seen[in_sight(points, chosen, position, scan.discs, len(chosen))] = True
+        left = np.flatnonzero(~seen)
+        left = left[craft.frames(points[left] - position, direction, craft.reach(scan))]
+        seen[in_sight(points, left, position, scan.discs, len(left))] = True
     return seen
 
 
-def _places(scan: Scan) -> _Places:
-    """Return places spread over the free space, each the freest around."""
-    from scipy.ndimage import distance_transform_edt
-
-    low, high = scan.bounds
-    side = max(1.5 * scan.spacing, float(np.prod(high - low + scan.spacing) / _BOXES) ** (1 / 3))
-    margin = 4 * math.ceil(_CLEARANCE)
-    shape = tuple(((high - low) / side).astype(np.int64) + 1 + 2 * margin)
-    at = ((scan.solid - low) / side).astype(np.int64) + margin
-    taken = np.zeros(shape, dtype=np.bool_)
-    taken[tuple(at.T)] = True
-    clearance = distance_transform_edt(~taken)
-    below = np.logical_or.accumulate(taken, axis=2)
-    above = np.logical_or.accumulate(taken[:, :, ::-1], axis=2)[:, :, ::-1]
-    free = np.flatnonzero((clearance >= _CLEARANCE) & below)
-    block = 3
-    while True:
-        best = _freest(free, clearance.ravel(), shape, block)
-        if len(best) <= _PLACES:
-            break
-        block += 1
-    index = np.column_stack(np.unravel_index(best, shape))
-    position = low + (index - margin + 0.5) * side
-    return _Places(position, clearance.ravel()[best] * side, above.ravel()[best])
-
-
-def _freest(free: Int64, clearance: Float64, shape: tuple[int, ...], block: int) -> Int64:
-    """Return of each block of boxes the free one that is farthest from all points."""
-    index = np.column_stack(np.unravel_index(free, shape)) // block
-    counts = np.array(shape) // block + 1
-    label = (index[:, 0] * counts[1] + index[:, 1]) * counts[2] + index[:, 2]
-    order = np.lexsort((free, -clearance[free], label))
-    first = np.unique(label[order], return_index=True)[1]
-    return free[order[first]]
-
-
-def _most_showing(shown: Bool, allowed: Bool, seen: Bool) -> list[int]:
+def _most_showing(shown: Bool, seen: Bool) -> list[int]:
     """Return places, each the one that shows most of what those before do not.
 
     Parameters
     ----------
     shown : bool (P, N)
         Which points each place shows.
-    allowed : bool (P,)
-        The places to choose from.
     seen : bool (N,)
         Which points are seen anyhow.
     """
-    left = shown[:, ~seen] & allowed[:, None]
+    left = shown[:, ~seen]
     chosen: list[int] = []
     while len(chosen) < min(_RINGS, len(left)):
         gain = left.sum(axis=1)
@@ -159,25 +120,42 @@ def _most_showing(shown: Bool, allowed: Bool, seen: Bool) -> list[int]:
     return chosen
 
 
-def _tour(positions: Float64) -> list[int]:
-    """Return an order of positions (N, 3): from the lowest on, always to the nearest left."""
-    left = list(range(len(positions)))
-    order: list[int] = []
+def _tour(places: Places, chosen: list[int], widest: float) -> list[Leg]:
+    """Return the legs of a flight to the chosen places, a ring at each of at most a radius."""
+    if not chosen:
+        return []
+    from scipy.sparse.csgraph import dijkstra
+
+    far, before = dijkstra(places.ways, indices=chosen, return_predecessors=True)
+    apart = np.linalg.norm(places.position[chosen][:, None] - places.position[chosen], axis=2)
+    # A place to which no way leads comes after all others.
+    apart = np.where(np.isfinite(far[:, chosen]), far[:, chosen], 1e9 + apart)
+    left, here = list(range(1, len(chosen))), 0
+    legs = _ring(places, chosen[0], widest)
     while left:
-        if order:
-            away = np.linalg.norm(positions[left] - positions[order[-1]], axis=1)
-            place = int(away.argmin())
-        else:
-            place = int(positions[:, 2].argmin())
-        order.append(left.pop(place))
-    return order
+        there = left.pop(int(apart[here][left].argmin()))
+        way = _way(before[here], chosen[here], chosen[there])
+        ends = places.position[way].tolist()
+        legs += [Leg((*a,), (*b,), _TILT) for a, b in pairwise(ends)]
+        legs += _ring(places, chosen[there], widest)
+        here = there
+    return legs
 
 
-def _ring(centre: Float64, radius: float) -> list[Leg]:
-    """Return the legs of a ring around a centre (3,), the camera outwards."""
+def _way(before: Any, start: int, end: int) -> list[int]:
+    """Return the places on the way from start to end, by the place before each; none if no way."""
+    way = [end]
+    while way[-1] != start:
+        if before[way[-1]] < 0:
+            return []
+        way.append(int(before[way[-1]]))
+    return way[::-1]
+
+
+def _ring(places: Places, place: int, widest: float) -> list[Leg]:
+    """Return the legs of a ring around a place, as wide as half its clearance, or `widest`."""
+    radius = min(float(places.clearance[place]) / 2, widest)
     angles = np.arange(_SIDES + 1) * (2 * math.pi / _SIDES)
-    corners = centre + radius * np.column_stack(
-        (np.cos(angles), np.sin(angles), np.zeros(_SIDES + 1))
-    )
-    ends = corners.tolist()
-    return [Leg((*start,), (*end,), _TILT, -90.0) for start, end in pairwise(ends)]
+    around = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(_SIDES + 1)))
+    ends = (places.position[place] + radius * around).tolist()
+    return [Leg((*a,), (*b,), _TILT, -90.0) for a, b in pairwise(ends)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,20 +10,24 @@ import numpy as np
 
 from mlscli.errors import UsageError
 from mlscli.geometry.surroundings import planes
-from mlscli.runtime.arrays import Float64
+from mlscli.runtime.arrays import Bool, Float64
+from mlscli.runtime.threads import in_ranges
 from mlscli.scenes.discs import Discs, discs
 from mlscli.scenes.surfaces import Leg
 
-NEIGHBOURS = 8
+NEIGHBOURS = 12
 """How many neighbours make the surroundings of a point."""
 
-MAX_SCAN_POINTS = 50_000_000
+MAX_SCAN_POINTS = 20_000_000
 
-# Surroundings that reach this many times as far as the median are those of a stray point.
-_STRAY = 4.0
+# A disc is so large that it holds this many of them: where points lie at random, discs leave a
+# share of exp(-8) of a surface open.
+_HELD = 8
 # Standard deviations off its plane up to which a disc hides nothing.
 _DEPTH = 3.0
-# Texture of a plane; that of points spread evenly in all directions is 1 more.
+# A stray's surroundings reach this many times as far as those of the points nearest to it.
+_STRAY, _NEAREST = 4.0, 6
+# The texture of a plane. What varies in all directions has 1 more.
 _PLAIN = 0.05
 
 
@@ -39,17 +44,17 @@ class Scan:
     foot : float64 (N, 3)
         The points moved onto the planes through their surroundings.
     normal : float64 (N, 3)
-        Unit normals of the planes through the surroundings of each point, to either side.
+        Unit normals of these planes, to either side.
     radius : float64 (N,)
-        How far the surroundings of each point reach, in the unit of the scan.
+        Radii of discs that cover the surface, in the unit of the scan.
     depth : float64 (N,)
         How far the surroundings lie off their plane: 3 standard deviations, in the unit of the
         scan.
     texture : float64 (N,)
-        How many features a camera finds there, relatively: little on planes, more on edges and
-        corners, up to 1.05.
+        How many features a camera finds on a piece of surface, relatively: 0.05 on a plane, more
+        on edges and corners, at most 1.05.
     stray : bool (N,)
-        Points that are so far from all others that they are not taken for a surface.
+        Points so far from all others that they are of no surface, and hide nothing.
     legs : tuple of Leg
         The route given by hand, if any.
     """
@@ -61,6 +66,7 @@ class Scan:
     radius: Float64
     depth: Float64
     texture: Float64
+    stray: Bool
     legs: tuple[Leg, ...] = ()
 
     @classmethod
@@ -84,27 +90,30 @@ class Scan:
                 f"{name}: holds {len(points):,} points, expected at most {MAX_SCAN_POINTS:,}; "
                 "`crop` takes a part of it"
             )
-        xyz = _distinct(points + 0.0)
+        xyz = _distinct(points)
         if len(xyz) <= NEIGHBOURS:
             raise UsageError(
                 f"{name}: holds {len(xyz)} distinct points, expected a dense cloud of more than "
                 f"{NEIGHBOURS}"
             )
         around = planes(xyz, NEIGHBOURS + 1)
-        total = around.variances.sum(axis=1)
-        # Three times the surface variation of Pauly, Gross and Kobbelt (2002,
-        # doi:10.1109/VISUAL.2002.1183771), which is a third at most.
-        variation = 3 * around.variances[:, 0] / np.where(total > 0, total, 1.0)
         off = ((around.middles - xyz) * around.normals).sum(axis=1)
+        across, total = around.variances[:, 0], around.variances.sum(axis=1)
+        # Three times the surface variation, which is a third at most: Pauly, Gross and Kobbelt
+        # 2002, doi:10.1109/VISUAL.2002.1183771.
+        variation = 3 * across / np.where(total > 0, total, 1.0)
+        usual = _usual(xyz, around.reach)
+        stray = around.reach > _STRAY * usual
         return cls(
             name,
             xyz,
             xyz + off[:, None] * around.normals,
             around.normals,
-            around.reach,
+            math.sqrt(_HELD / NEIGHBOURS) * np.where(stray, usual, around.reach),
             # A plane takes three degrees of freedom.
-            _DEPTH * np.sqrt(around.variances[:, 0] * (1 + 3 / (NEIGHBOURS - 2))),
+            _DEPTH * np.sqrt(across * ((NEIGHBOURS + 1) / (NEIGHBOURS - 2))),
             _PLAIN + variation,
+            stray,
         )
 
     def with_legs(self, *legs: Leg) -> Scan:
@@ -113,30 +122,53 @@ class Scan:
 
     @cached_property
     def spacing(self) -> float:
-        """The median radius of the surroundings of a point."""
+        """The median radius of the discs."""
         return float(np.median(self.radius))
 
-    @cached_property
-    def solid(self) -> Float64:
-        """The points that are not strays, float64 (M, 3)."""
-        return self.xyz[self.radius <= _STRAY * self.spacing]
+    @property
+    def area(self) -> Float64:
+        """How large the piece of surface is that each point stands for, relatively, (N,)."""
+        return np.maximum(self.radius, 1e-100) ** 2
 
     @cached_property
     def discs(self) -> Discs:
-        """The discs that hide what is behind them; strays are points."""
-        kept = self.radius <= _STRAY * self.spacing
+        """The discs that hide what is behind them."""
+        kept = ~self.stray
         return discs(self.foot[kept], self.normal[kept], self.radius[kept], self.depth[kept])
 
     @cached_property
     def bounds(self) -> tuple[Float64, Float64]:
         """The least and the greatest x, y, z of all points that are not strays, (3,) each."""
-        return self.solid.min(axis=0), self.solid.max(axis=0)
+        solid = self.xyz[~self.stray]
+        return solid.min(axis=0), solid.max(axis=0)
+
+    @property
+    def usual_height(self) -> float:
+        """How high above its top a craft usually flies: so that a survey has some 200 keyframes."""
+        low, high = self.bounds
+        length, width = (high - low)[:2] + self.spacing
+        return float(f"{math.sqrt(length * width) / 10:.2g}")
 
 
 def _distinct(points: Float64) -> Float64:
     """Return the distinct points, sorted by x, y and z, float64 (N, 3)."""
     order = np.lexsort(points.T[::-1])
-    ordered = points[order]
+    ordered = points[order] + 0.0
     fresh = np.ones(len(ordered), dtype=np.bool_)
     fresh[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
     return ordered[fresh]
+
+
+def _usual(xyz: Float64, reach: Float64) -> Float64:
+    """Return the median reach of the points nearest to each point, itself among them, (N,)."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(xyz)
+    usual = np.empty(len(xyz))
+
+    def work(begin: int, end: int) -> None:
+        _, near = tree.query(xyz[begin:end], k=_NEAREST)
+        usual[begin:end] = np.median(reach[near], axis=1)
+
+    in_ranges(len(xyz), work)
+    return usual

@@ -161,6 +161,11 @@ class Scene:
         corners = np.concatenate([corner, corner + along, corner + across, corner + along + across])
         return corners.min(axis=0), corners.max(axis=0)
 
+    @property
+    def usual_height(self) -> float:
+        """How high above its top a craft usually flies: ten of the thesis's cells."""
+        return 1.5
+
 
 def edges(surfaces: Iterable[Surface]) -> tuple[Float64, Float64, Float64]:
     """Return `corner`, `along` and `across` of S surfaces, float64 (S, 3) each."""

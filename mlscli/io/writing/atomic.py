@@ -37,15 +37,28 @@ def refuse_existing(
     """
     expect_path(path, "path", "the file to write")
     target = Path(path)
-    for source in sources:
-        if target.exists() and Path(source).exists() and target.samefile(source):
-            raise OutputError(f"{target}: is the source itself; choose another name")
+    refuse_sources(target, sources)
     if target.is_dir():
         raise OutputError(f"{target}: is a folder; name a file")
     if not target.parent.is_dir():
         raise OutputError(f"{target}: the folder {target.parent} does not exist")
     if target.exists() and not overwrite:
         raise OutputError(f"{target}: exists already; choose another name or add `overwrite`")
+
+
+def refuse_sources(target: Path, sources: Iterable[str | os.PathLike[str]]) -> None:
+    """Refuse to replace a source, or a folder that one lies in.
+
+    Raises
+    ------
+    OutputError
+        Where `target` is one of the `sources`, or holds one.
+    """
+    for source in sources:
+        if target.exists() and Path(source).exists():
+            place = Path(source).resolve()
+            if target.samefile(place) or target.resolve() in place.parents:
+                raise OutputError(f"{target}: is the source itself; choose another name")
 
 
 @contextmanager
