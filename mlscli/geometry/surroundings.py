@@ -8,6 +8,7 @@ import numpy as np
 
 from mlscli.keyframes.keyframe import FARTHEST
 from mlscli.runtime.arrays import Float64, UInt64
+from mlscli.runtime.threads import in_ranges
 
 SAMPLE = 30_000
 
@@ -17,7 +18,6 @@ _THICKNESS = 0.02
 # Least ratio of the variances along the shorter and the longer side: neighbours on a line, such as
 # one sweep of a laser, form no plane.
 _THINNEST = 0.03
-_AT_ONCE = 4096
 
 
 class PointSample:
@@ -105,18 +105,23 @@ def planes(points: Float64, neighbours: int = 16) -> Planes:
     trust, reach = np.empty(len(points)), np.empty(len(points))
     tree = cKDTree(points)
     ranks = np.arange(1, min(neighbours, len(points)) + 1)
-    for begin in range(0, len(points), _AT_ONCE):
-        rows = slice(begin, begin + _AT_ONCE)
+
+    def fit(begin: int, end: int) -> None:
+        # In the order of the tree, the points of a range lie close together: that takes half as
+        # long.
+        rows = tree.indices[begin:end]
         distances, near = tree.query(points[rows], k=ranks)
         middles[rows] = points[near].mean(axis=1)
         offsets = points[near] - middles[rows, None]
         squares, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
-        variances[rows] = np.maximum(squares, 0.0) / len(ranks)
         thickness, width, length = np.maximum(squares.T, 0.0)
+        variances[rows] = np.maximum(squares, 0.0) / len(ranks)
         ratio = thickness / np.where(width > 0, width, 1.0)
         trust[rows] = np.where(width > _THINNEST * length, np.exp(-ratio / _THICKNESS), 0.0)
         normals[rows], reach[rows] = axes[:, :, 0], distances[:, -1]
+
     if len(points):
+        in_ranges(len(points), fit)
         trust[reach > 3 * np.median(reach)] = 0.0
     return Planes(points, middles, normals, trust, variances, reach)
 

@@ -110,6 +110,35 @@ def sights(points: Float64, cameras: Float64, reach: float, obstacles: Discs) ->
     return seen
 
 
+@kernel
+def in_frame(
+    points: Float64, camera: Float64, direction: Float64, cosine: float, reach: float
+) -> Int64:
+    """Return the points in a camera's cone and range, seen or not, int64 (M,).
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+        In the unit of the scan.
+    camera, direction : float64 (3,)
+        Position of the camera, and the unit vector along which it looks.
+    cosine : float
+        Cosine of half the field of view.
+    reach : float
+        How far it sees, in the unit of the scan.
+    """
+    found = np.empty(len(points), dtype=np.int64)
+    count = 0
+    for i in range(len(points)):
+        dx, dy, dz = points[i, 0] - camera[0], points[i, 1] - camera[1], points[i, 2] - camera[2]
+        far = math.sqrt(dx * dx + dy * dy + dz * dz)
+        ahead = dx * direction[0] + dy * direction[1] + dz * direction[2]
+        if far <= reach and ahead >= cosine * far:
+            found[count] = i
+            count += 1
+    return found[:count]
+
+
 @inner
 def _box(place: float, low: float, side: float, count: int) -> int:
     """Return the number of the box along one axis, within the grid."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from mlscli.errors import UsageError
 from mlscli.keyframes.keyframe import Keyframe
-from mlscli.runtime.arrays import Bool, Float64, Int32
+from mlscli.runtime.arrays import Float64, Int32
 from mlscli.scenes.noise import Chances, Noise, displace, scatter_outliers
 from mlscli.scenes.route import CameraPoses, Site, fly_route
 from mlscli.scenes.sampling import Samples, outside_holes, sample
@@ -44,6 +44,11 @@ class Craft:
     height: float | None = None
     field_of_view: float = 120.0
     range: float | None = None
+
+    @property
+    def cosine(self) -> float:
+        """The cosine of half the field of view."""
+        return math.cos(math.radians(min(self.field_of_view, 360.0) / 2))
 
     def above(self, site: Site) -> float:
         """Return how high above its top the craft surveys a site.
@@ -77,24 +82,6 @@ class Craft:
         if not (math.isfinite(self.range) and self.range > 0):
             raise UsageError(f"`range` {self.range:g}: expected a distance above 0")
         return self.range
-
-    def frames(self, away: Float64, direction: Float64, reach: float) -> Bool:
-        """Return which points are in the camera's cone and range, bool (N,).
-
-        Parameters
-        ----------
-        away : float64 (N, 3)
-            From the camera to the points, in the unit of the site.
-        direction : float64 (3,)
-            The unit vector along which the camera looks.
-        reach : float
-            How far it sees.
-        """
-        far = np.sqrt((away * away).sum(axis=1))
-        cosine = math.cos(math.radians(self.field_of_view / 2))
-        # In three sums, for a product of matrices may depend on how many rows there are.
-        ahead = away[:, 0] * direction[0] + away[:, 1] * direction[1] + away[:, 2] * direction[2]
-        return np.asarray((far <= reach) & (ahead >= cosine * far))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from mlscli.errors import UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
 from mlscli.runtime.threads import WORTHWHILE, in_ranges
-from mlscli.scenes.discs import in_sight
+from mlscli.scenes.discs import in_frame, in_sight
 from mlscli.scenes.flight import Craft, check, nearest, recorded
 from mlscli.scenes.noise import Chances, Noise
 from mlscli.scenes.route import CameraPoses
@@ -143,19 +143,17 @@ def _first_found(
     features : int
         How many points a keyframe finds at most.
     """
-    directions, reach, obstacles = poses.direction, craft.reach(scan), scan.discs
+    directions, reach = poses.direction, craft.reach(scan)
     rarity = luck / (scan.texture * scan.area)
 
     def work(begin: int, end: int) -> list[Int64]:
         views = []
         for number in range(begin, end):
             position = poses.position[number]
-            away = scan.xyz - position
-            ahead = np.flatnonzero(craft.frames(away, directions[number], reach))
+            ahead = in_frame(scan.xyz, position, directions[number], craft.cosine, reach)
             ahead = ahead[np.isfinite(rarity[ahead])]
-            square = (away[ahead] ** 2).sum(axis=1)
-            order = np.argsort(rarity[ahead] * square, kind="stable")
-            views.append(in_sight(scan.xyz, ahead[order], position, obstacles, features))
+            rank = rarity[ahead] * ((scan.xyz[ahead] - position) ** 2).sum(axis=1)
+            views.append(_found(scan, ahead, rank, position, features))
         return views
 
     first = np.full(len(scan.xyz), -1, dtype=np.int32)
@@ -164,3 +162,29 @@ def _first_found(
     for number in range(len(views) - 1, -1, -1):
         first[views[number]] = number
     return first
+
+
+def _found(scan: Scan, ahead: Int64, rank: Float64, camera: Float64, features: int) -> Int64:
+    """Return the points of the lowest rank that are seen, as many as asked for, int64 (M,).
+
+    Parameters
+    ----------
+    scan : Scan
+    ahead : int64 (A,)
+        Indices of the points to choose from.
+    rank : float64 (A,)
+        Their ranks.
+    camera : float64 (3,)
+        Position of the camera.
+    features : int
+        How many are returned at most.
+    """
+    # Most are hidden or not needed: so few are sorted first, and more only where these do not do.
+    some = 4 * features
+    while True:
+        first = np.argpartition(rank, some)[:some] if some < len(rank) else np.arange(len(rank))
+        order = ahead[first[np.argsort(rank[first], kind="stable")]]
+        found = in_sight(scan.xyz, order, camera, scan.discs, features)
+        if len(found) == features or some >= len(rank):
+            return found
+        some *= 4

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.runtime.arrays import Bool, Float64
-from mlscli.scenes.discs import in_sight, sights
+from mlscli.scenes.discs import in_frame, in_sight, sights
 from mlscli.scenes.flight import Craft
 from mlscli.scenes.free_space import Places, find_places
 from mlscli.scenes.noise import Chances
@@ -90,10 +90,10 @@ def _evenly(scan: Scan) -> Float64:
 
 def _seen(scan: Scan, points: Float64, poses: CameraPoses, craft: Craft) -> Bool:
     """Return which points (N, 3) at least one camera sees, bool (N,)."""
-    seen = np.zeros(len(points), dtype=np.bool_)
+    seen, reach = np.zeros(len(points), dtype=np.bool_), craft.reach(scan)
     for position, direction in zip(poses.position, poses.direction, strict=True):
-        left = np.flatnonzero(~seen)
-        left = left[craft.frames(points[left] - position, direction, craft.reach(scan))]
+        ahead = in_frame(points, position, direction, craft.cosine, reach)
+        left = ahead[~seen[ahead]]
         seen[in_sight(points, left, position, scan.discs, len(left))] = True
     return seen
 

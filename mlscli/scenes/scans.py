@@ -167,8 +167,9 @@ def _usual(xyz: Float64, reach: Float64) -> Float64:
     usual = np.empty(len(xyz))
 
     def work(begin: int, end: int) -> None:
-        _, near = tree.query(xyz[begin:end], k=_NEAREST)
-        usual[begin:end] = np.median(reach[near], axis=1)
+        rows = tree.indices[begin:end]
+        _, near = tree.query(xyz[rows], k=_NEAREST)
+        usual[rows] = np.median(reach[near], axis=1)
 
     in_ranges(len(xyz), work)
     return usual
