@@ -58,8 +58,8 @@ _ARGUMENTS = (
     *("field_of_view", "frame", "grid", "holes", "jobs", "legs", "level", "max_slope", "memory"),
     *("outliers", "overwrite", "pose_topic", "range", "reference"),
     *("route", "route_height", "salt_pepper", "scene", "scheduler"),
-    *("scratch", "section", "seed", "seeds", "sigma", "size", "sizes", "start", "time_source"),
-    *("topic", "up"),
+    *("scratch", "section", "seed", "seeds", "sigma", "size", "sizes", "start", "survey"),
+    *("time_source", "topic", "up"),
 )
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}
 OPTIONS |= {"sets": "--set", "type_": "--type"}

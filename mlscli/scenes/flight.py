@@ -37,8 +37,8 @@ class Craft:
     field_of_view : float
         The whole angle of the cone that the camera sees, in degrees.
     range : float or None
-        How far the camera sees, in the unit of the site; None: twice the distance from the survey
-        down to the site's bottom.
+        How far the camera sees, in the unit of the site; None: twice the distance from the survey,
+        or a leg above it, down to the site's bottom.
     """
 
     height: float | None = None
@@ -78,7 +78,8 @@ class Craft:
             )
         if self.range is None:
             low, high = site.bounds
-            return 2 * (self.above(site) + float(high[2] - low[2]))
+            flown = [end[2] for leg in site.legs for end in (leg.start, leg.end)]
+            return 2 * (max([float(high[2]) + self.above(site), *flown]) - float(low[2]))
         if not (math.isfinite(self.range) and self.range > 0):
             raise UsageError(f"`range` {self.range:g}: expected a distance above 0")
         return self.range

@@ -15,8 +15,8 @@ from mlscli.runtime.arrays import Bool, Float64, Int64
 from mlscli.runtime.kernels import kernel
 from mlscli.scenes.scans import Scan
 
-# Boxes within the bounds of a scan, and places in it, at most.
-_BOXES, _PLACES = 2_000_000, 1000
+# How many boxes and places there are at most.
+_BOXES, _PLACES = 4_000_000, 500
 # Side of the boxes, in the usual radius of a disc, if there are not too many.
 _SIDE = 1.5
 # So many boxes lie around the scan on each side.
@@ -52,13 +52,13 @@ def find_places(scan: Scan) -> Places:
     """Return places spread over the free space of a scan, each the freest around."""
     from scipy.ndimage import distance_transform_edt
 
-    low, high = scan.bounds
-    room = float(np.prod(high - low + scan.spacing))
-    side = max(_SIDE * scan.spacing, (room / _BOXES) ** (1 / 3))
-    low = low - _MARGIN * side
-    shape = np.floor((high - low) / side).astype(np.int64) + 1 + _MARGIN
-    taken = np.zeros(tuple(shape), dtype=np.bool_)
-    kept = ~scan.stray
+    least, high = scan.bounds
+    side = _SIDE * scan.spacing
+    while float(np.prod(np.floor((high - least) / side) + 1 + 2 * _MARGIN)) > _BOXES:
+        side *= 1.1
+    low = least - _MARGIN * side
+    shape = np.floor((high - least) / side).astype(np.int64) + 1 + 2 * _MARGIN
+    taken, kept = np.zeros(tuple(shape), dtype=np.bool_), ~scan.stray
     _take(taken, scan.foot[kept], scan.normal[kept], scan.radius[kept], low, side)
     clearance = distance_transform_edt(~taken)
     below = np.logical_or.accumulate(taken, axis=2)
@@ -112,7 +112,7 @@ def _ways(position: Float64, clearance: Float64, low: Float64, side: float) -> A
 
     count = len(position)
     if count < 2:
-        return csr_array((count, count))
+        return csr_array(np.zeros((count, count)))
     _, near = cKDTree(position).query(position, k=min(_WAYS + 1, count))
     pairs = np.column_stack((np.repeat(np.arange(count), near.shape[1]), near.ravel()))
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)

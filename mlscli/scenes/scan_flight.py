@@ -28,7 +28,7 @@ from mlscli.scenes.scan_route import find_route, share_seen
 from mlscli.scenes.scans import Scan
 
 FEATURES = 1000
-"""How many features a camera finds at most: as many as ORB-SLAM2 looks for in most cameras."""
+"""How many features a camera finds at most, as is usual for a visual SLAM."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ until the next would add next to nothing: greedy covering, the usual way to plan
 and Rivest 2003, doi:10.1145/641865.641868). The craft flies to the nearest by the shortest way
 through free space; where none is known, another flight begins.
 
-The survey is left out where rings under cover, below something of the scan, see nearly all:
-indoors. Then the craft stays below the scan's top.
+The survey is left out indoors: where rings under cover, below something of the scan, see more than
+the survey, and nearly all that it sees. Then the craft stays below the scan's top.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from mlscli.errors import UsageError
 from mlscli.runtime.arrays import Bool, Float64
 from mlscli.scenes.discs import in_frame, in_sight, sights
 from mlscli.scenes.flight import Craft
@@ -28,12 +29,12 @@ from mlscli.scenes.scans import Scan
 from mlscli.scenes.surfaces import Leg
 
 # How many points are looked at to choose rings by, and how many rings there are at most.
-_LOOKED_AT, _RINGS = 2000, 200
+_LOOKED_AT, _RINGS = 1500, 200
 # A ring adds at least this share of the scan, the survey that one.
 _ADDS, _SURVEY_ADDS = 0.002, 0.1
 _SIDES = 6
 # How far the camera looks up from straight down, within the scan: nearly level.
-_TILT = 75.0
+_TILT = 80.0
 
 
 def find_route(scan: Scan, craft: Craft, lanes: bool | None = None) -> CameraPoses:
@@ -46,13 +47,12 @@ def find_route(scan: Scan, craft: Craft, lanes: bool | None = None) -> CameraPos
     craft : Craft
         How it flies, and what its camera sees.
     lanes : bool or None
-        Whether the scan is surveyed from above. None: not where rings under cover see nearly all
-        or the scan has legs.
+        Whether the scan is surveyed from above. None: not indoors, nor where the scan has legs.
 
     Raises
     ------
     UsageError
-        Where a value is out of range.
+        Where a value is out of range, or nothing is seen from any place.
     """
     height, reach = craft.above(scan), craft.reach(scan)
     if scan.legs:
@@ -65,16 +65,23 @@ def find_route(scan: Scan, craft: Craft, lanes: bool | None = None) -> CameraPos
     places = find_places(scan)
     # As far as from the survey to the bottom: what is seen from farther away is seen badly.
     shown = sights(points, places.position, reach / 2, scan.discs)
+    shown &= _by_rings(points, places.position, craft.field_of_view)
     if lanes is None:
         inside = _most_showing(shown[places.covered], np.zeros_like(from_above))
-        hidden = ~shown[places.covered][inside].any(axis=0)
-        if (from_above & hidden).mean() < _SURVEY_ADDS:
+        within = shown[places.covered][inside].any(axis=0)
+        adds = (from_above & ~within).mean()
+        if adds < _SURVEY_ADDS and from_above.sum() < within.sum():
             over, from_above = [], np.zeros_like(from_above)
     if not over:
         # Nor does a craft rise above a scan that it does not survey.
         shown &= (places.position[:, 2] <= scan.bounds[1][2])[:, None]
-    chosen = _most_showing(shown, from_above)
-    return poses_along([*over, *_tour(places, chosen, height)], height)
+    legs = [*over, *_tour(places, _most_showing(shown, from_above), height)]
+    if not legs:
+        raise UsageError(
+            f"{scan.name}: found no place within it from where something is seen; fly a `survey` "
+            "over it, give the route by `legs`, or widen the `range`"
+        )
+    return poses_along(legs, height)
 
 
 def share_seen(scan: Scan, poses: CameraPoses, craft: Craft) -> float:
@@ -96,6 +103,14 @@ def _seen(scan: Scan, points: Float64, poses: CameraPoses, craft: Craft) -> Bool
         left = ahead[~seen[ahead]]
         seen[in_sight(points, left, position, scan.discs, len(left))] = True
     return seen
+
+
+def _by_rings(points: Float64, positions: Float64, field_of_view: float) -> Bool:
+    """Return which points lie neither too high nor too low for rings' cameras, bool (P, N)."""
+    up = points[:, 2] - positions[:, 2, None]
+    level = np.linalg.norm(points[:, :2] - positions[:, None, :2], axis=2)
+    elevation = np.degrees(np.arctan2(up, level))
+    return np.asarray(np.abs(elevation - (_TILT - 90)) <= field_of_view / 2)
 
 
 def _most_showing(shown: Bool, seen: Bool) -> list[int]:

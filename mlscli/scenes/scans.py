@@ -25,6 +25,8 @@ MAX_SCAN_POINTS = 20_000_000
 _HELD = 8
 # Standard deviations off its plane up to which a disc hides nothing.
 _DEPTH = 3.0
+# A disc's depth is at least this share of its radius.
+_FLATTEST = 0.01
 # A stray's surroundings reach this many times as far as those of the points nearest to it.
 _STRAY, _NEAREST = 4.0, 6
 # The texture of a plane. What varies in all directions has 1 more.
@@ -48,8 +50,8 @@ class Scan:
     radius : float64 (N,)
         Radii of discs that cover the surface, in the unit of the scan.
     depth : float64 (N,)
-        How far the surroundings lie off their plane: 3 standard deviations, in the unit of the
-        scan.
+        How far the surroundings lie off their plane: 3 standard deviations, or a hundredth of the
+        radius if that is more, in the unit of the scan.
     texture : float64 (N,)
         How many features a camera finds on a piece of surface, relatively: 0.05 on a plane, more
         on edges and corners, at most 1.05.
@@ -104,14 +106,16 @@ class Scan:
         variation = 3 * across / np.where(total > 0, total, 1.0)
         usual = _usual(xyz, around.reach)
         stray = around.reach > _STRAY * usual
+        radius = math.sqrt(_HELD / NEIGHBOURS) * np.where(stray, usual, around.reach)
+        # A plane takes three degrees of freedom.
+        depth = _DEPTH * np.sqrt(across * ((NEIGHBOURS + 1) / (NEIGHBOURS - 2)))
         return cls(
             name,
             xyz,
             xyz + off[:, None] * around.normals,
             around.normals,
-            math.sqrt(_HELD / NEIGHBOURS) * np.where(stray, usual, around.reach),
-            # A plane takes three degrees of freedom.
-            _DEPTH * np.sqrt(across * ((NEIGHBOURS + 1) / (NEIGHBOURS - 2))),
+            radius,
+            np.maximum(depth, _FLATTEST * radius),
             _PLAIN + variation,
             stray,
         )

@@ -22,6 +22,7 @@ from mlscli.runtime.arrays import Float64
 from mlscli.scenes.presets import SCENE_PRESETS, make
 from mlscli.scenes.truth import truth
 from tests.helpers.program import mls
+from tests.scenes.clouds import level
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -149,7 +150,7 @@ def test_clouds_in_the_sensor_frame_are_for_bags() -> None:
 @pytest.mark.parametrize(
     ("arguments", "kind", "named"),
     [
-        ((), UsageError, "neither of --type and --scene"),
+        ((), UsageError, "neither of --type and --scene, expected one, or --cloud"),
         (("--type", "1", "--scene", "a.yaml"), UsageError, "both of --type and --scene"),
         (("--type", "brigde"), UsageError, "did you mean bridge"),
         (("--scene", "a.yaml"), InputError, "a.yaml"),
@@ -181,6 +182,151 @@ def test_neither_recording_nor_truth_is_replaced_unasked(folder: Path) -> None:
         (folder / existing).unlink()
     for _ in range(2):
         assert synth("--type", "1", "-o", "a", "--overwrite").exit_code == 0
+
+
+# --- over a scan ---
+
+
+@pytest.fixture
+def scan(folder: Path) -> Path:
+    """Return a file with the scan of a table, its corner at 100, 200, with y up."""
+    ground, top = level(1500, (100, 110), (200, 208), 5.0), level(300, (103, 107), (202, 206), 7.0)
+    x, y, z = np.concatenate((ground, top)).T
+    path = folder / "table.txt"
+    np.savetxt(path, np.column_stack((x, z, -y)), fmt="%.17g")
+    return path
+
+
+TABLE = ("--cloud", "table.txt", "--up", "y")
+EXACT = ("--sigma", "0,0", "--salt-pepper", "0")
+
+
+@pytest.mark.usefixtures("scan")
+def test_a_scan_is_flown_over_and_no_truth_is_written(folder: Path) -> None:
+    result = synth(*TABLE, *EXACT, "--features", "100000")
+    assert result.exit_code == 0, result.output
+    assert {file.name for file in folder.iterdir()} == {"table.txt", "table.flight.txt"}
+    flight = gather(mlscli.open_recording("table.flight.txt").keyframes())
+    whole = gather(mlscli.open_recording("table.txt", up="y").keyframes()).points.xyz
+    found = {tuple(point) for point in flight.points.xyz.tolist()}
+    assert found <= {tuple(point) for point in whole.tolist()}
+    # All of the table, and all of the ground, for lanes look under it from aside.
+    assert sum(z == 7 for _, _, z in found) == 300
+    assert sum(z == 5 for _, _, z in found) > 1470
+    route = flight.route[:, 1:]
+    assert route[:, 2].min() > 7
+    line = result.stdout
+    assert line.startswith(f"table.flight.txt: {len(found):,} points in {len(route):,} keyframes")
+    assert "over a scan of 1,800, " in line
+    assert line.endswith("the truth is the scan, table.txt\n")
+
+
+@pytest.mark.usefixtures("scan")
+@pytest.mark.parametrize("output", ["a.txt", "a.csv", "a.bag", "a.mcap", "a"])
+def test_flights_over_scans_read_back_from_every_format(output: str) -> None:
+    options = (*TABLE, "--features", "50", "--noise", "slam")
+    expected = points(*options)
+    assert synth(*options, "-o", output).exit_code == 0
+    back = gather(mlscli.open_recording(output).keyframes())
+    assert np.array_equal(back.points.xyz, expected)
+    assert np.isfinite(back.route).all()
+
+
+@pytest.mark.usefixtures("scan")
+def test_json_says_what_was_flown_over() -> None:
+    account = json.loads(synth(*TABLE, "--json").stdout)
+    flight = gather(mlscli.open_recording("table.flight.txt").keyframes())
+    assert account.pop("seconds") > 0
+    assert account.pop("scan_seen") > 0.95
+    assert 2 < account.pop("median_range") < 6
+    assert account == {
+        "recording": "table.flight.txt",
+        "cloud": ["table.txt"],
+        "points": flight.points.size,
+        "keyframes": len(flight.route),
+        "scan_points": 1800,
+        "lost": [],
+    }
+
+
+@pytest.mark.usefixtures("scan")
+def test_options_reach_the_flight_over_a_scan() -> None:
+    few = points(*TABLE, *EXACT, "--features", "50")
+    assert len(few) < len(points(*TABLE, *EXACT, "--features", "100"))
+    assert np.array_equal(points(*TABLE, *EXACT, "--features", "50", "--seed", "0"), few)
+    assert not np.array_equal(points(*TABLE, *EXACT, "--features", "50", "--seed", "1"), few)
+    assert len(points(*TABLE, *EXACT, "--all-points")) == 1800
+    everything = points(*TABLE, *EXACT, "--features", "9999")
+    assert len(points(*TABLE, *EXACT, "--features", "9999", "--holes", "3,2")) < len(everything)
+    assert len(points(*TABLE, *EXACT, "--crop", "100,105,200,208,-99,99")) < 1800 / 1.5
+    assert set(points("--cloud", "table.txt", *EXACT)[:, 1]) <= {5.0, 7.0}
+    points(*TABLE, "--route-height", "3")
+    assert gather(mlscli.open_recording("flight.txt").keyframes()).route[:, 3].max() == 10
+    Path("way.yaml").write_text("- {start: [101, 201, 5.5], end: [101, 207, 5.5], tilt: 85}")
+    by_hand = (*TABLE, *EXACT, "--legs", "way.yaml", "--range", "20")
+    ahead = points(*by_hand)
+    route = gather(mlscli.open_recording("flight.txt").keyframes()).route
+    assert set(route[:, 3].tolist()) == {5.5}
+    assert len(points(*by_hand, "--survey")) > len(ahead)
+    # The ray's errors are those asked for at a distance.
+    slam = ("--noise", "slam", "--sigma", "0,0.01", "--salt-pepper", "0", "--legs", "way.yaml")
+    errors = [
+        np.abs(points(*TABLE, *slam, "--range", "20", *more) - ahead).max()
+        for more in ((), ("--reference", "1"), ("--reference", "0.5"))
+    ]
+    assert errors[0] < errors[1] == pytest.approx(errors[2] / 4)
+
+
+@pytest.mark.usefixtures("scan")
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ((*TABLE, "--type", "1"), "--type: belongs to a scene, and --cloud is a scan"),
+        ((*TABLE, "--scene", "a.yaml"), "--scene: belongs to a scene"),
+        ((*TABLE, "--add-param", "1"), "--add-param: belongs to a scene"),
+        ((*TABLE, "--size", "1"), "--size: belongs to a scene"),
+        ((*TABLE, "--grid", "0.1"), "--grid: belongs to a scene"),
+        ((*TABLE, "--cell-size", "0.15"), "--cell-size: belongs to a scene"),
+        ((*TABLE, "--gap-size", "1"), "--gap-size: belongs to a scene"),
+        ((*TABLE, "--thickness", "1"), "--thickness: belongs to a scene"),
+        ((*TABLE, "--all-points", "--features", "9"), "--features 9: --all-points records every"),
+        ((*TABLE, "--features", "0"), "--features 0: expected 1 or more"),
+        ((*TABLE, "--reference", "1"), "--reference 1: goes with noise slam"),
+        ((*TABLE, "--sensor-frame"), "--sensor-frame: table.flight.txt is text"),
+        ((*TABLE, "--range", "0.01", "--no-survey"), "fly a --survey over it"),
+        ((*TABLE, "--legs", "no.yaml"), "no.yaml: no such file; --legs takes a route"),
+        ((*TABLE, "-o", "table.txt", "--overwrite"), "table.txt: is the source itself"),
+        ((*TABLE, "--holes", "0.5,1"), "--holes 0.5,1"),
+        (("--cloud", "no.ply"), "no.ply"),
+        (("--cloud", "table.txt", "--up", "u"), "--up u: expected one of"),
+        (("--type", "1", "--features", "9"), "--features: goes with --cloud SCAN"),
+        (("--type", "1", "--legs", "a.yaml"), "--legs: goes with --cloud SCAN"),
+        (("--type", "1", "--no-survey"), "--survey: goes with --cloud SCAN"),
+        (("--type", "1", "--up", "y"), "--up: goes with --cloud SCAN"),
+        (("--type", "1", "--crop", "0,1,0,1,0,1"), "--crop: goes with --cloud SCAN"),
+    ],
+)
+def test_what_does_not_go_together_is_told_before_anything_is_written(
+    arguments: tuple[str, ...], named: str, folder: Path
+) -> None:
+    error = complaint(*arguments)
+    assert isinstance(error, MlsError)
+    assert named in with_options(str(error))
+    assert [file.name for file in folder.iterdir()] == ["table.txt"]
+
+
+def test_a_scan_that_is_broken_is_flown_over_as_far_as_it_goes(scan: Path, folder: Path) -> None:
+    x, y, z = np.loadtxt(scan).T
+    records = np.column_stack((x, y, z)).astype("<f4").tobytes()
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 1800\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header\n"
+    (folder / "cut.ply").write_bytes(head.encode() + records[:-24])
+    made = mls("synth", "--cloud", "cut.ply", "--up", "y", "--json", cwd=folder)
+    assert made.returncode == 3
+    assert "cut.ply" in made.stderr
+    account = json.loads(made.stdout)
+    assert account["scan_points"] == 1798
+    assert len(account["lost"]) == 1
 
 
 def test_the_program_makes_a_flight_that_it_can_build(folder: Path) -> None:

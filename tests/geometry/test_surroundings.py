@@ -66,6 +66,21 @@ def test_a_noisy_plane_has_its_normal_all_over() -> None:
     assert np.median(np.degrees(np.arccos(np.minimum(along, 1)))) < 2
 
 
+def test_planes_tell_how_wide_and_how_thick_the_surroundings_are() -> None:
+    rng = np.random.default_rng(6)
+    points = rng.normal(size=(500, 3)) * (1.0, 1.0, 0.2)
+    found = planes(points, 9)
+    for n in (0, 123, 499):
+        apart = np.linalg.norm(points - points[n], axis=1)
+        near = points[np.argsort(apart)[:9]]
+        assert found.reach[n] == np.sort(apart)[8]
+        np.testing.assert_allclose(found.middles[n], near.mean(axis=0))
+        expected = np.linalg.eigvalsh(np.cov(near.T, bias=True))
+        np.testing.assert_allclose(found.variances[n], expected, atol=1e-12)
+        across = (near - near.mean(axis=0)) @ found.normals[n]
+        np.testing.assert_allclose(across.var(), expected[0], atol=1e-12)
+
+
 def test_neither_noise_nor_a_line_nor_a_stray_point_is_a_plane() -> None:
     rng = np.random.default_rng(4)
     ball = rng.normal(size=(3000, 3))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from mlscli.errors import ConfigError, InputError
-from mlscli.scenes.sceneio import load_scene, parse_scene
+from mlscli.scenes.sceneio import load_legs, load_scene, parse_scene
 from mlscli.scenes.surfaces import Leg, Rectangle, Scatter, Scene, add_horizontal, add_vertical
 
 SHED = """
@@ -129,3 +129,48 @@ def test_files_are_named_in_what_is_wrong_with_them(tmp_path: Path) -> None:
         load_scene(tmp_path)
     path.write_text(SHED)
     assert load_scene(path).name == "a"
+
+
+# --- routes ---
+
+LEGS = """
+- {start: [0, -3, 1], end: [0, 3, 1], tilt: 80, yaw: -90}
+- {start: [1, 0, 1], end: [2, 0, 1]}
+"""
+
+
+def test_a_route_is_a_list_of_legs_bare_or_under_its_key(tmp_path: Path) -> None:
+    path = tmp_path / "way.yaml"
+    legs = (Leg((0, -3, 1), (0, 3, 1), 80, -90), Leg((1, 0, 1), (2, 0, 1)))
+    for text in (LEGS, "legs:" + LEGS):
+        path.write_text(text)
+        assert load_legs(path) == legs
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("", ":1:1: found nothing; expected a list of legs"),
+        ("x", ":1:1: found 'x'; expected a list of legs"),
+        ("[]", ":1:1: legs: none is given; a route has at least one"),
+        ("legs: 3", ":1:7: legs: found 3; expected a list"),
+        ("surfaces: []", ":1:1: surfaces: unknown key; valid here: legs"),
+        ("- {start: [0, 0, 0]}", ":1:3: legs.end: is missing; expected 3 numbers, [x, y, z]"),
+        ("- {start: [0, 0, 0], end: [1, 0, 0], tilt: 181}", "legs.tilt: found 181; expected"),
+        ("[", "no valid YAML"),
+    ],
+)
+def test_what_is_no_route_is_refused_in_a_line(text: str, fault: str, tmp_path: Path) -> None:
+    path = tmp_path / "way.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_legs(path)
+    assert fault in caught.value.faults[0]
+    assert caught.value.faults[0].startswith(str(path))
+
+
+def test_a_route_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no\.yaml: no such file; `legs` takes a route in YAML"):
+        load_legs(tmp_path / "no.yaml")
+    with pytest.raises(InputError, match="cannot be read as a route"):
+        load_legs(tmp_path)
