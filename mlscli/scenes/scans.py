@@ -20,8 +20,8 @@ NEIGHBOURS = 12
 
 MAX_SCAN_POINTS = 20_000_000
 
-# A disc is so large that it holds this many of them: where points lie at random, discs leave a
-# share of exp(-8) of a surface open.
+# A disc is so large that it holds this many of them. Where points lie at random, discs of this size
+# leave exp(-8) of a surface open, one part in 3,000.
 _HELD = 8
 # Standard deviations off its plane up to which a disc hides nothing.
 _DEPTH = 3.0

@@ -44,7 +44,7 @@ def test_what_is_seen_is_what_no_disc_hides() -> None:
     for count in (1, 5, 40, 200):
         made = random_discs(rng, count)
         # Some points and cameras lie outside of all boxes.
-        points, cameras = rng.uniform(-5, 5, (60, 3)), rng.uniform(-6, 6, (12, 3))
+        points, cameras = rng.uniform(-5, 5, (40, 3)), rng.uniform(-6, 6, (9, 3))
         points[:5, 0] = cameras[0, 0]
         points[5:10, 1:] = cameras[0, 1:]
         expected = np.array(

@@ -8,10 +8,12 @@ keyframes; a route through walls or from outside of a room; seeds that are ignor
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import mlscli
 import mlscli.runtime.threads
 from mlscli.errors import UsageError
 from mlscli.keyframes.batches import gather
@@ -317,6 +319,20 @@ def test_a_route_by_hand_is_flown_alone_or_after_a_survey() -> None:
     both = find_route(scan, Craft(height=2.0), True)
     assert np.array_equal(both.position[-len(alone.tilt) :], alone.position)
     assert both.position[0, 2] == scan.bounds[1][2] + 2.0
+
+
+def test_a_real_airborne_scan_is_seen_from_above(shared_data: Path) -> None:
+    path = shared_data / "multilevel" / "als_bridge_samp21.pcd"
+    scan = Scan.of("bridge", gather(mlscli.open_recording(path).keyframes()).points.xyz)
+    flight = fly_scan(scan, 100, EXACT)
+    assert flight.seen > 0.98
+    assert rows(points_of(flight)) < rows(scan.xyz)
+    assert 400 < flight.points < 2000
+    low, high = scan.bounds
+    positions = gather(flight.keyframes).route[:, 1:]
+    assert positions[:, 2] == pytest.approx(high[2] + scan.usual_height)
+    assert (positions[:, :2].min(axis=0) < low[:2]).all()
+    assert (positions[:, :2].max(axis=0) > high[:2]).all()
 
 
 # --- what is refused ---
