@@ -27,7 +27,6 @@ ENDINGS: dict[str, Kind] = {
     ".txt": "text", ".csv": "text", ".xyz": "text", ".bag": "ros1", ".mcap": "mcap", "": "ros2",
 }  # fmt: skip
 
-
 # What makes a scene and its truth; and what goes with a scan, beside how it is read.
 _OF_SCENES = "type_", "file", "add_param", "size", "grid", "cell_size", "gap_size", "thickness"
 _OF_SCANS = "features", "legs", "survey"
@@ -252,7 +251,8 @@ def _refuse_given(why: str, *names: str) -> None:
     for option in context.command.params:
         source = context.get_parameter_source(option.name or "")
         if option.name in names and source is ParameterSource.COMMANDLINE:
-            raise UsageError(f"{option.opts[0]}: {why}")
+            off = option.secondary_opts and context.params[option.name] is False
+            raise UsageError(f"{(option.secondary_opts if off else option.opts)[0]}: {why}")
 
 
 def _scenes(as_json: bool) -> str:

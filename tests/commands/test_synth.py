@@ -301,7 +301,7 @@ def test_options_reach_the_flight_over_a_scan() -> None:
         (("--cloud", "table.txt", "--up", "u"), "--up u: expected one of"),
         (("--type", "1", "--features", "9"), "--features: goes with --cloud SCAN"),
         (("--type", "1", "--legs", "a.yaml"), "--legs: goes with --cloud SCAN"),
-        (("--type", "1", "--no-survey"), "--survey: goes with --cloud SCAN"),
+        (("--type", "1", "--no-survey"), "--no-survey: goes with --cloud SCAN"),
         (("--type", "1", "--up", "y"), "--up: goes with --cloud SCAN"),
         (("--type", "1", "--crop", "0,1,0,1,0,1"), "--crop: goes with --cloud SCAN"),
     ],
