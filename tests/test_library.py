@@ -30,11 +30,19 @@ from mlscli.pipeline.parameters import MapParameters, Vehicle
 from mlscli.pipeline.stages.median import Median
 from mlscli.pipeline.stages.orphans import Orphans
 from mlscli.runtime.arrays import Float64
-from mlscli.scoring import compare_maps, score
+from mlscli.scoring import (
+    compare_maps,
+    score,
+    score_columns,
+    score_mesh,
+    score_scan,
+    seen_by,
+)
 from tests.helpers.maps import Patch, map_of
 
 SAMPLE = Path(__file__).resolve().parent.parent / "data/samples/bridge.txt"
 SURFACE = map_of([Patch(0, 0, 0.0, 0.0, 0, 1), Patch(0, 1, 0.1, 0.0, 0, 2)])
+SCAN: Float64 = np.array([(0.2, 0.2, 0.0), (0.2, 0.8, 0.1)])
 EDGE = mlscli.Parameters().with_cell_size(0.5)
 
 
@@ -190,6 +198,10 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "merge_maps": (mlscli.merge_maps, {"one": SURFACE, "other": SURFACE}),
     "compare_maps": (compare_maps, {"a": SURFACE, "b": SURFACE}),
     "score": (score, {"surface": SURFACE, "truth": SURFACE}),
+    "score_scan": (score_scan, {"surface": SURFACE, "scan": SCAN}),
+    "score_mesh": (score_mesh, {"mesh": mlscli.build_mesh(SURFACE), "scan": SCAN, "within": 1.0}),
+    "score_columns": (score_columns, {"surface": SURFACE, "scan": SCAN, "within": 1.0}),
+    "seen_by": (seen_by, {"flight": SCAN, "scan": SCAN, "within": 1.0}),
     "Parameters": (mlscli.Parameters, {}),
     "Grid": (mlscli.Grid, {"cell_size": 1.0, "gap_size": 1.0, "thickness": 1.0}),
     "MapBuilder": (mlscli.MapBuilder, {"parameters": EDGE}),
@@ -203,7 +215,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "replace": (SURFACE.replace, {"cells": CellSet.of(SURFACE.ix, SURFACE.iy), "other": SURFACE}),
 }
 # Whatever counts as true is taken as True; the mode is a value of a configuration, see below.
-OTHERS = {"artificial", "cumulative", "overwrite", "mode"}
+OTHERS = {"artificial", "cumulative", "overwrite", "whole", "mode"}
 
 
 def arguments(call: Callable[..., object]) -> list[str]:

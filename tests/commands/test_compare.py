@@ -1,7 +1,8 @@
 """`mls compare`, as a user and a script run it.
 
 Ways to pass without being right: an exit status that is 1 for whatever goes wrong, so that a
-missing file passes for a difference, or 0 for whatever could be read.
+missing file passes for a difference, or 0 for whatever could be read; options for reading a scan
+that are taken and forgotten.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mlscli.io.reading.recording import open_recording
 from mlscli.io.writing.npz import read_map, write_map
 from mlscli.scenes.surfaces import Scene, add_horizontal
 from mlscli.scenes.truth import truth
-from mlscli.scoring import compare_maps, score
+from mlscli.scoring import compare_maps, score, score_scan
 from tests.helpers.maps import CELL, GAP, Patch, map_of
 from tests.helpers.program import mls
 
@@ -32,7 +35,11 @@ def folder(tmp_path: Path) -> Path:
     write_map(tmp_path / "floor.npz", map_of(FLOOR))
     write_map(tmp_path / "lifted.npz", map_of(LIFTED))
     write_map(tmp_path / "coarse.npz", map_of(FLOOR, cell_size=0.8))
+    write_map(tmp_path / "odd.npz", replace(map_of(FLOOR), meta={"reading": {"colour": 1}}))
     (tmp_path / "broken.npz").write_bytes(b"PK no archive")
+    scan = np.stack(np.meshgrid(*[np.arange(0.05, n * CELL, 0.1) for n in (4, 3)], [0.0]), axis=-1)
+    np.savetxt(tmp_path / "scan.xyz", scan.reshape(-1, 3), fmt="%.6f")
+    np.savetxt(tmp_path / "far.xyz", scan.reshape(-1, 3) + 1e4, fmt="%.6f")
     return tmp_path
 
 
@@ -164,6 +171,76 @@ def test_a_score_as_json_is_what_the_library_says(folder: Path) -> None:
     assert json.loads(done.stdout) == expected
 
 
+# --- a scan ---
+
+
+def test_a_map_is_scored_by_a_scan(folder: Path) -> None:
+    done = mls("compare", "bridge.npz", "--cloud", "scan.xyz", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    # The floor, 3 by 2 cells between the outer centres; the deck, squares of half a cell alone.
+    assert done.stdout.splitlines() == [
+        "bridge.npz against scan.xyz",
+        "  within      0.5",
+        "  precision   85.71 % of the mesh is near the scan",
+        "  recall      100.00 % of the scan is near the mesh",
+        "  F-score     92.31 %",
+        "  points      300 count; 100.00 % near",
+        "  measured    85.71 % of the mesh, 100.00 % of it right; without it precision -85.71, "
+        "recall -100.00",
+        "  artificial  14.29 % of the mesh, 0.00 % of it right; without it precision +14.29, "
+        "recall +0.00",
+        "  levels      agree in 66.67 %: 8 of 12 cells",
+    ]
+    assert done.stderr == ""
+
+
+def test_a_score_by_a_scan_as_json_is_what_the_library_says(folder: Path) -> None:
+    options = ("--cloud", "scan.xyz", "--within", "0.2", "--flight", "scan.xyz")
+    done = mls("compare", "lifted.npz", *options, "--json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (keyframe,) = open_recording(folder / "scan.xyz").keyframes()
+    result = score_scan(read_map(folder / "lifted.npz"), keyframe.points, 0.2)
+    files = {"map": "lifted.npz", "cloud": ["scan.xyz"], "flight": ["scan.xyz"]}
+    assert json.loads(done.stdout) == {**files, **result.to_dict(), "lost": []}
+    assert 0 < result.mesh.f < 1
+
+
+def test_a_scan_is_read_as_the_options_say_and_a_flight_as_that_of_the_map(folder: Path) -> None:
+    scan = np.loadtxt(folder / "scan.xyz")
+    # x, y, z as of a camera: to the right, down, ahead.
+    camera = np.column_stack((scan[:, 0], -scan[:, 2], scan[:, 1]))
+    np.savetxt(folder / "camera.xyz", camera[camera[:, 0] < 1], fmt="%.6f")
+    np.savetxt(folder / "rest.xyz", camera[camera[:, 0] > 1], fmt="%.6f")
+    built = replace(read_map(folder / "floor.npz"), meta={"reading": {"up": "-y"}})
+    write_map(folder / "built.npz", built)
+    both = ("--cloud", "camera.xyz", "--cloud", "rest.xyz", "--up", "-y")
+    told = []
+    for flight in ((), ("--flight", "camera.xyz")):
+        done = mls("compare", "built.npz", *both, *flight, "--within", "0.1", "--json", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        told.append(json.loads(done.stdout)["mesh"])
+    assert (told[0]["points"], told[0]["unseen"]) == (300, 0)
+    # Half of it, and three tenths more.
+    assert (told[1]["points"], told[1]["unseen"]) == (195, pytest.approx(0.35))
+    assert told[0]["precision"] == told[1]["precision"] == 1
+
+
+def test_what_the_scan_or_the_flight_has_lost_is_told(folder: Path) -> None:
+    lines = (folder / "scan.xyz").read_text(encoding="utf-8").splitlines(keepends=True)
+    header = "".join(f"property float {axis}\n" for axis in "xyz")
+    header = f"ply\nformat ascii 1.0\nelement vertex {len(lines)}\n{header}end_header\n"
+    (folder / "cut.ply").write_text(header + "".join(lines[:-9]), encoding="utf-8")
+    for options in (("--cloud", "cut.ply"), ("--cloud", "scan.xyz", "--flight", "cut.ply")):
+        done = mls("compare", "floor.npz", *options, "--json", cwd=folder)
+        assert done.returncode == 3, done.stderr
+        (lost,) = json.loads(done.stdout)["lost"]
+        assert "cut.ply" in lost
+        assert f"mls: warning: {lost}\n" == done.stderr
+
+
+# --- what cannot be compared ---
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
@@ -171,7 +248,7 @@ def test_a_score_as_json_is_what_the_library_says(folder: Path) -> None:
         ("missing.npz floor.npz", "mls: missing.npz: no such file"),
         ("floor.npz --truth missing.npz", "mls: missing.npz: no such file"),
         ("broken.npz floor.npz", "mls: broken.npz: is no map (.npz), or a damaged one"),
-        ("floor.npz", "mls: B: name either a second map, or the truth with --truth T"),
+        ("floor.npz", "mls: B: name either a second map, or the truth with --truth T, or a scan"),
         ("floor.npz floor.npz --truth floor.npz", "mls: B: name either a second map, or"),
         ("floor.npz --truth floor.npz --tolerance 1", "mls: --tolerance: goes with two maps"),
         ("floor.npz coarse.npz", "mls: floor.npz and coarse.npz: cell_size: is 0.5 in one map"),
@@ -179,6 +256,27 @@ def test_a_score_as_json_is_what_the_library_says(folder: Path) -> None:
         ("floor.npz floor.npz --tolerance -1", "tolerance: is -1.0; it must be a number"),
         ("floor.npz floor.npz --tolerance nan", "tolerance: is nan; it must be a number"),
         ("floor.npz floor.npz --tolerance x", "mls compare: Invalid value for '--tolerance'"),
+        (
+            "floor.npz --cloud scan.xyz --flight missing.xyz",
+            "mls: missing.xyz: there is no such file",
+        ),
+        ("floor.npz floor.npz --cloud scan.xyz", "mls: B: name either a second map, or"),
+        ("floor.npz --cloud scan.xyz --tolerance 1", "mls: --tolerance: goes with two maps; with"),
+        ("floor.npz --truth floor.npz --up y", "mls: --up: goes with --cloud SCAN"),
+        ("floor.npz floor.npz --every 1", "mls: --every: goes with --cloud SCAN"),
+        (
+            "floor.npz --cloud scan.xyz --within 0",
+            "scan.xyz: --within 0.0: expected a number above",
+        ),
+        (
+            "floor.npz --cloud far.xyz",
+            "floor.npz and far.xyz: the whole map lies beside the scan: ",
+        ),
+        (
+            "floor.npz --cloud scan.xyz --flight far.xyz",
+            "floor.npz and scan.xyz: no point of the scan counts: the flight came near none",
+        ),
+        ("odd.npz --cloud scan.xyz --flight scan.xyz", "mls: odd.npz: meta: its key reading does"),
     ],
 )
 def test_what_cannot_be_compared_ends_with_2_and_one_line(

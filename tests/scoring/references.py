@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.runtime.arrays import Float64
 from tests.helpers.maps import GAP, Patch, map_of, patches_of
 from tests.helpers.references import apart
 
@@ -154,3 +155,57 @@ def called_vertical(true: Patch, patches: list[Patch], half: float) -> bool:
 def share(chosen: Callable[[Patch], bool], patches: list[Patch]) -> tuple[int, int]:
     """Return how many of the patches are chosen, and how many there are."""
     return sum(map(chosen, patches)), len(patches)
+
+
+# --- a scan ---
+
+
+def squared_distance(one: Sequence[float], other: Sequence[float]) -> float:
+    return sum((a - b) ** 2 for a, b in zip(one, other, strict=True))
+
+
+def to_edge(point: Float64, a: Float64, b: Float64) -> float:
+    """Return the distance of a point to an edge."""
+    along = b - a
+    length = along @ along
+    t = np.clip((point - a) @ along / length, 0, 1) if length else 0.0
+    return float(np.linalg.norm(point - a - t * along))
+
+
+def to_triangle(point: Float64, a: Float64, b: Float64, c: Float64) -> float:
+    """Return the distance of a point to a triangle."""
+    nearest = min(to_edge(point, a, b), to_edge(point, b, c), to_edge(point, c, a))
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal)
+    if size < 1e-9:
+        return nearest
+    # Over the triangle is what lies on the same side of all edges.
+    sides = [normal @ np.cross(q - p, point - p) for p, q in ((a, b), (b, c), (c, a))]
+    return abs(float((point - a) @ normal / size)) if min(sides) >= 0 else nearest
+
+
+def pieces(triangle: Float64, size: float) -> list[tuple[Float64, float]]:
+    """Return the centroids and areas of pieces of a triangle: halved until no edge is longer."""
+    edges = [(float(np.linalg.norm(triangle[k] - triangle[k - 1])), k) for k in range(3)]
+    longest, k = max(edges)
+    if longest <= size:
+        normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+        return [(triangle.mean(axis=0), float(np.linalg.norm(normal)) / 2)]
+    middle = (triangle[k] + triangle[k - 1]) / 2
+    halves = [np.array([middle, triangle[k - 2], triangle[end]]) for end in (k, k - 1)]
+    return [piece for half in halves for piece in pieces(half, size)]
+
+
+def areas(triangle: Float64, scan: Float64, within: float, size: float) -> tuple[float, float]:
+    """Return the area of a triangle within a distance of a scan, and all of it."""
+    cut = pieces(triangle, size)
+    right = [area for centre, area in cut if np.linalg.norm(scan - centre, axis=1).min() <= within]
+    return math.fsum(right), math.fsum(area for _, area in cut)
+
+
+def recall(scan: Float64, near: Sequence[bool], within: float) -> float:
+    """Return the mean share of near points in the cubes of half a distance that hold any."""
+    cubes: dict[tuple[float, ...], list[bool]] = {}
+    for point, is_near in zip(scan, near, strict=True):
+        cubes.setdefault(tuple(np.floor(point / (within / 2)).tolist()), []).append(bool(is_near))
+    return math.fsum(sum(each) / len(each) for each in cubes.values()) / len(cubes)
