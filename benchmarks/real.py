@@ -1,0 +1,345 @@
+"""Sparse, noisy samples of real dense scans, mapped, and scored against the scan.
+
+Run it as ``python -m benchmarks.real``; it takes five minutes, and needs the scans that
+`benchmarks/scans.py` names. Whatever is made of a sample is scored by `mlscli.scoring` over the
+whole scan, at one distance: the cell that suits the sample's points without noise (`cell_of`). So
+coarser cells win nothing. Figures are means over the seeds. Rules are tuned on seeds 1 to 3; by
+default, others are shown.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import chain
+from pathlib import Path
+from statistics import mean
+from typing import TypeAlias
+
+import click
+import numpy as np
+
+from benchmarks.instead import INSTEAD, mesh
+from benchmarks.scans import DATA, GROUND, SCANS, Sample, cell_of, draw, read
+from benchmarks.table import lines
+from mlscli.building.build import build_map
+from mlscli.commands.options import configured
+from mlscli.config import load
+from mlscli.errors import InputError
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.mesh import build_mesh
+from mlscli.pipeline.stages.ordering import cells_of
+from mlscli.runtime.arrays import Float64
+from mlscli.scoring import ColumnScore, MeshScore, Share, score_columns, score_mesh
+from mlscli.scoring.kernels import nearby, nearest
+
+SHOWN = (4, 5, 6)
+DEFAULT, PLAIN, THESIS = "default", "plain", "thesis"
+DRAWN = "points as drawn"
+THESIS_CELL = 0.15
+
+# Levels of the default pipeline. F must also be above that of all that is used instead.
+LEAST_F = {"footbridge": 0.92}
+LEAST_F_ELSEWHERE = 0.97
+MOST_LOST, LEAST_RIGHT = 0.01, 0.7
+MOST_LOWERED = 0.01
+LEAST_GROUND = 0.97
+
+LEVEL_HEAD = ("what", "level", "found", "")
+HEAD = (
+    *("scan", "points", "what", "cell", "precision", "recall", "F", "found"),
+    *("red", "right", "costs", "wins", "tops missed", "lowered", "feet raised"),
+    *("known tops missed", "lowered", "feet raised", "levels agree"),
+)
+
+# Makes a map of points; and by how much the scene was scaled for it.
+Pipeline: TypeAlias = Callable[[Float64], tuple[SurfaceMap, float]]
+
+
+@dataclass(frozen=True)
+class Scored:
+    """What was made of a sample, and how right it is.
+
+    Attributes
+    ----------
+    scan, points, seed : str, int, int
+        The sample.
+    what : str
+        A pipeline, or what was used instead.
+    cell : float
+        The size of its cells, where it has any.
+    mesh : MeshScore
+        How right it is.
+    columns : ColumnScore or None
+        How right its columns are by the scan; None for what is no map.
+    known : ColumnScore or None
+        The same by what can be known from the sample, see `Sample.evidence`: an end is not lost by
+        a map where no point shows it.
+    """
+
+    scan: str
+    points: int
+    seed: int
+    what: str
+    cell: float
+    mesh: MeshScore
+    columns: ColumnScore | None = None
+    known: ColumnScore | None = None
+
+
+def pipelines(config: str | None = None, settings: Sequence[str] = ()) -> dict[str, Pipeline]:
+    """Return the pipelines by name, the default one as configured."""
+
+    def thesis(points: Float64) -> tuple[SurfaceMap, float]:
+        # Its lengths are in metres, for cells of 0.15: the scene is scaled to have such cells.
+        scale = THESIS_CELL / cell_of(points)
+        return build_map(points * scale, load("thesis")), scale
+
+    default, plain = load(config, settings), load("plain", ["map.cell_size=auto"])
+    return {
+        DEFAULT: lambda points: (build_map(points, default), 1.0),
+        PLAIN: lambda points: (build_map(points, plain), 1.0),
+        THESIS: thesis,
+    }
+
+
+ALL = (DRAWN, *pipelines(), *INSTEAD)
+
+
+def made_of(
+    sample: Sample, scan: Float64, what: str, chosen: Mapping[str, Pipeline], within: float
+) -> tuple[float, MeshScore, ColumnScore | None, ColumnScore | None]:
+    """Return the size of cells and the scores of what is made of a sample.
+
+    Parameters
+    ----------
+    sample : Sample
+    scan : float64 (N, 3)
+        The scan that it was drawn from.
+    what : str
+        What to make, one of `ALL`.
+    chosen : mapping of str to Pipeline
+        The pipelines.
+    within : float
+        The distance, in the unit of the scan.
+    """
+    if what == DRAWN:
+        # Triangles of one point each, all right: so much can be found without closing a gap.
+        own = np.arange(len(sample.clean))
+        dots = mesh(sample.clean, np.column_stack((own, own, own)))
+        score = score_mesh(dots, scan, within, whole=True)
+        score = replace(score, precision=1.0, f=2 * score.recall / (1 + score.recall))
+        return sample.cell, score, None, None
+    if what in INSTEAD:
+        cell = cell_of(sample.noisy)
+        score = score_mesh(INSTEAD[what](sample.noisy, cell), scan, within, whole=True)
+        return cell, score, None, None
+    try:
+        surface, scale = chosen[what](sample.noisy)
+    except InputError:
+        # No point has passed the filters.
+        nothing = mesh(np.empty((0, 3)), np.empty((0, 3)))
+        return sample.cell, score_mesh(nothing, scan, within, whole=True), None, None
+    scaled, evidence, within = scale * scan, scale * sample.evidence, scale * within
+    return (
+        surface.cell_size / scale,
+        score_mesh(build_mesh(surface), scaled, within, whole=True),
+        score_columns(surface, scaled, within),
+        score_columns(surface, evidence, within),
+    )
+
+
+# --- the tables ---
+
+
+def cells(scores: Sequence[Scored]) -> tuple[str, ...]:
+    """Return the cells of a row: means over the seeds."""
+    first, red = scores[0], [score.mesh.by_origin["artificial"] for score in scores]
+    return (
+        first.scan,
+        f"{first.points:,}",
+        first.what,
+        f"{mean(score.cell for score in scores):.3g}",
+        _percent([score.mesh.precision for score in scores]),
+        _percent([score.mesh.recall for score in scores]),
+        _percent([score.mesh.f for score in scores]),
+        _percent([score.mesh.points_found for score in scores]),
+        *(
+            [
+                _percent([each.share for each in red]),
+                _percent([each.precision for each in red]),
+                _percent([each.precision_lost for each in red]),
+                _percent([each.recall_won for each in red]),
+            ]
+            if any(each.share for each in red)
+            else [""] * 4
+        ),
+        *_ends([score.columns for score in scores if score.columns is not None]),
+        *_ends([score.known for score in scores if score.known is not None]),
+        _all([score.columns.levels_agree for score in scores if score.columns is not None]),
+    )
+
+
+def _ends(columns: Sequence[ColumnScore]) -> tuple[str, str, str]:
+    return (
+        _all([each.uprights_missed for each in columns]),
+        _all([each.upper_ends.too_low for each in columns]),
+        _all([each.lower_ends.too_high for each in columns]),
+    )
+
+
+def _percent(shares: Sequence[float | None]) -> str:
+    known = [share for share in shares if share is not None]
+    return f"{100 * mean(known):.2f}" if known else ""
+
+
+def _all(shares: Sequence[Share]) -> str:
+    """Return the share of all seeds together, and of how many."""
+    share = together(shares)
+    return "" if share is None else f"{100 * share:.1f} of {sum(each.of for each in shares):,}"
+
+
+def together(shares: Sequence[Share]) -> float | None:
+    """Return the share of several counts together; None of nothing."""
+    of = sum(share.of for share in shares)
+    return sum(share.count for share in shares) / of if of else None
+
+
+def summary(found: Sequence[Scored]) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each sample: the F-scores of what was made of it, as means over the seeds."""
+    for sample, by_what in by_sample(found).items():
+        yield (*sample, *(_percent([score.mesh.f for score in each]) for each in by_what.values()))
+
+
+def by_sample(found: Sequence[Scored]) -> dict[tuple[str, str], dict[str, list[Scored]]]:
+    """Return the scores by scan and number of points, and there by what was made."""
+    result: dict[tuple[str, str], dict[str, list[Scored]]] = {}
+    for score in found:
+        sample = result.setdefault((score.scan, f"{score.points:,}"), {})
+        sample.setdefault(score.what, []).append(score)
+    return result
+
+
+def levels(by_what: Mapping[str, Sequence[Scored]]) -> Iterator[tuple[str, ...]]:
+    """Yield the levels of a sample: what is measured, the level, the figure, and a verdict.
+
+    Parameters
+    ----------
+    by_what : mapping of str to sequence of Scored
+        What was made of the sample, by name, a score for each seed.
+    """
+    mine = by_what[DEFAULT]
+    name = f"{mine[0].scan}, {mine[0].points:,}"
+    least = LEAST_F.get(mine[0].scan, LEAST_F_ELSEWHERE)
+    f = {what: mean(score.mesh.f for score in scores) for what, scores in by_what.items()}
+    others = {what: f[what] for what in f if what not in (DEFAULT, DRAWN)}
+    best = max(others, key=lambda what: others[what], default=None)
+    yield _level(f"{name}: F", least, f[DEFAULT], at_least=True)
+    if best is not None:
+        yield _level(f"{name}: F of {best}", others[best], f[DEFAULT], at_least=True)
+    red = [score.mesh.by_origin["artificial"] for score in mine]
+    lost = mean(each.precision_lost for each in red)
+    yield _level(f"{name}: precision that red costs", MOST_LOST, lost, at_least=False)
+    right = [each.precision for each in red if each.precision is not None]
+    if right:
+        yield _level(f"{name}: red that is right", LEAST_RIGHT, mean(right), at_least=True)
+    known = [score.known.upper_ends.too_low for score in mine if score.known is not None]
+    lowered = together(known)
+    if lowered is not None:
+        what = f"{name}: known tops lowered, of {sum(share.of for share in known):,}"
+        yield _level(what, MOST_LOWERED, lowered, at_least=False)
+
+
+def _level(what: str, level: float, found: float, *, at_least: bool) -> tuple[str, ...]:
+    reached = found >= level if at_least else found <= level
+    bound = "at least" if at_least else "at most"
+    verdict = "reached" if reached else "MISSED"
+    return what, f"{bound} {100 * level:.2f}", f"{100 * found:.2f}", verdict
+
+
+def ground_found(surface: SurfaceMap, ground: Float64) -> float:
+    """Return the share of points on the ground that have an upper end within a cell, in their cell.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    ground : float64 (N, 3)
+        Points that are truly on the ground.
+    """
+    ix, iy = cells_of(ground, surface.cell_size)
+    order = np.lexsort((iy, ix))
+    ix, iy, height = ix[order], iy[order], ground[order, 2]
+    near = nearby(ix, iy, surface.ix, surface.iy, 0)
+    found = nearest(height, near, surface.height, surface.height, surface.cell_size)
+    return float(np.mean(found >= 0))
+
+
+@click.command()
+@click.argument("data", type=click.Path(path_type=Path), default=DATA)
+@click.option("--scan", "scans", multiple=True, type=click.Choice(list(SCANS)), help="Only this.")
+@click.option("--row", "chosen", multiple=True, type=click.Choice(ALL), help="Only this.")
+@click.option(
+    "--seed", "seeds", multiple=True, type=int, default=SHOWN, show_default=True, help="Of samples."
+)
+@click.option(
+    "--noisy-cell", is_flag=True, help="Score at the cell of the noisy points, which is greater."
+)
+@configured
+@click.option("--json", "target", type=click.Path(path_type=Path), help="Write all scores there.")
+def main(
+    data: Path,
+    scans: tuple[str, ...],
+    chosen: tuple[str, ...],
+    seeds: tuple[int, ...],
+    noisy_cell: bool,
+    config: str | None,
+    settings: tuple[str, ...],
+    target: Path | None,
+) -> None:
+    """Print the tables; -c and --set configure the default pipeline."""
+    if not data.is_dir():
+        sys.exit(f"{data}: no such folder; the scans are not a part of the project")
+    made, found = pipelines(config, settings), list[Scored]()
+
+    def rows() -> Iterator[tuple[str, ...]]:
+        for name in scans or SCANS:
+            scan = SCANS[name].points(data)
+            for size in SCANS[name].sizes:
+                samples = [draw(scan, size, seed) for seed in seeds]
+                within = [cell_of(each.noisy) if noisy_cell else each.cell for each in samples]
+                for what in chosen or ALL:
+                    scores = [
+                        Scored(name, size, seed, what, *made_of(sample, scan, what, made, distance))
+                        for seed, sample, distance in zip(seeds, samples, within, strict=True)
+                    ]
+                    found.extend(scores)
+                    yield cells(scores)
+
+    for line in lines(HEAD, rows()):
+        click.echo(line)
+    click.echo("\nF-scores\n")
+    for line in lines(("scan", "points", *(chosen or ALL)), summary(found)):
+        click.echo(line)
+    click.echo()
+    grounds = [name for name in scans or SCANS if name in GROUND]
+    reached = [levels(each) for each in by_sample(found).values() if DEFAULT in each]
+    for line in lines(LEVEL_HEAD, chain(*reached, _ground_levels(data, grounds, made))):
+        click.echo(line)
+    if target is not None:
+        target.write_text(json.dumps([asdict(score) for score in found], indent=1))
+
+
+def _ground_levels(
+    data: Path, names: Sequence[str], made: Mapping[str, Pipeline]
+) -> Iterator[tuple[str, ...]]:
+    """Yield how much of the true ground is found in maps of whole airborne scans."""
+    for name in names:
+        surface, _ = made[DEFAULT](SCANS[name].points(data))
+        found = ground_found(surface, read(data / "multilevel" / GROUND[name]))
+        yield _level(f"{name}, whole: ground found", LEAST_GROUND, found, at_least=True)
+
+
+if __name__ == "__main__":
+    main()
