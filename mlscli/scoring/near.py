@@ -244,7 +244,6 @@ def near_triangles(
     near = np.zeros((groups, len(points.xyz)), dtype=np.bool_)
 
     def mark(begin: int, end: int) -> None:
-        # Several threads may mark the same point: all write the same.
         _mark(points, corners[begin:end], group[begin:end], distance, near)
 
     in_ranges(len(corners), mark)
@@ -269,8 +268,9 @@ def _mark(
             for i in range(_first_from(xyz, begin, end, low), end):
                 if xyz[i, 2] > high:
                     break
-                if not marks[i]:
-                    marks[i] = _squared(xyz[i], a, b, c) <= distance * distance
+                # Another thread may mark it meanwhile: nothing but True may be written.
+                if not marks[i] and _squared(xyz[i], a, b, c) <= distance * distance:
+                    marks[i] = True
             column = first_within(points.keys, column + 1, box)
 
 

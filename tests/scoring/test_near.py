@@ -132,3 +132,17 @@ def test_a_flight_has_seen_what_it_came_near_in_all_three_dimensions() -> None:
     flight = np.array([(0.0, 0.0, 0.0), (1e12, 0.0, 0.0)])
     assert seen_by(flight, scan, 1.0).tolist() == [True, True, False, False]
     assert seen_by(flight.astype(np.float32), scan, 1.1).tolist() == [True] * 4
+
+
+def test_what_one_thread_has_found_no_other_loses() -> None:
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0, 1, (200_000, 3)) * (1, 1, 0.1)
+    # The first triangle is near all points. The last, in another thread's range, is near none, but
+    # tried for all: its box holds them. The rest is far away.
+    near = np.array([(-1, -1, 0), (3, -1, 0), (-1, 3, 0)])
+    tried, far = np.array([(-1.0, -1, -0.5), (3, 3, 3.5), (3, 3, 3.5)]), np.array((9.0, 9, 9))
+    triangles = np.array([near, *[tried + far] * 4999, tried])
+    columns = PointColumns.of(points, 0.5)
+    group = np.zeros(len(triangles), dtype=np.uint8)
+    for _ in range(5):
+        assert near_triangles(columns, triangles, group, 1, 0.2).all()
