@@ -1,4 +1,4 @@
-"""Dense scans of real places, and sparse, noisy samples of them as a flight might yield.
+"""Dense scans of real places, and sparse, noisy samples of them: drawn at random, or of flights.
 
 The scans lie in ../shared/data beside the checkout, for whoever has them.
 """
@@ -11,7 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.io.reading.recording import open_recording
-from mlscli.runtime.arrays import Float64
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.runtime.arrays import Float64, Int64
+from mlscli.scenes import scans as scenes
+from mlscli.scenes.noise import Chances, Noise, displace
+from mlscli.scenes.scan_flight import fly_scan
+from mlscli.scenes.surfaces import Scatter
 
 DATA = Path(__file__).resolve().parent.parent.parent / "shared" / "data"
 
@@ -21,6 +26,9 @@ SIDEWAYS = 1 / 3
 # So many points have errors in height so many times as great; and so many any height at all.
 COARSE, TIMES = 0.1, 5
 GROSS = 0.05
+
+# How many points a keyframe of a flight finds at most.
+FEATURES = (500, 100)
 
 
 class Scan(NamedTuple):
@@ -33,7 +41,7 @@ class Scan(NamedTuple):
     up : str
         Which axis points up.
     sizes : tuple of int
-        How many points are drawn.
+        How many points are drawn at random.
     """
 
     files: tuple[str, ...]
@@ -71,22 +79,25 @@ def read(*files: Path, up: str = "z") -> Float64:
 
 
 class Sample(NamedTuple):
-    """Points drawn from a scan, without and with noise.
+    """Points of a scan, without and with noise.
 
     Attributes
     ----------
     clean, noisy : float64 (N, 3)
-        The points as drawn, and what is given to the programs.
+        The points as they are, and as they are given to the programs.
     evidence : float64 (M, 3)
-        The noisy points but those whose height is any, at their true heights: what can be known.
+        What can be known from the noisy points: those that are not grossly wrong, without errors.
     cell : float
         The cell of the clean points, see `cell_of`: the unit of the noise.
+    keyframes : list of Keyframe
+        The noisy points by keyframe, with the craft's positions if it was a flight.
     """
 
     clean: Float64
     noisy: Float64
     evidence: Float64
     cell: float
+    keyframes: list[Keyframe]
 
 
 def cell_of(points: Float64) -> float:
@@ -100,20 +111,84 @@ def cell_of(points: Float64) -> float:
     return float(f"{2 * np.median(distances):.1e}")
 
 
-def draw(scan: Float64, size: int, seed: int) -> Sample:
-    """Draw points of a scan at random, none twice, and add noise.
-
-    Heights err by `SIGMA` cells, x and y by a third of that; `COARSE` of the points by `TIMES` as
-    much in height, and `GROSS` of them have any height of the scan's.
-    """
+def drawn(scan: Float64, size: int, seed: int) -> Sample:
+    """Draw points of a scan at random, none twice, and add noise; see `_scattered`."""
     rng = np.random.default_rng(seed)
     clean = scan[rng.choice(len(scan), size, replace=False)]
     cell = cell_of(clean)
-    sigma = SIGMA * cell
+    noisy, evidence = _scattered(clean, cell, _heights(scan), rng)
+    return Sample(clean, noisy, evidence, cell, [Keyframe(noisy)])
+
+
+def _heights(scan: Float64) -> tuple[float, float]:
+    """Return the least and the greatest height."""
+    return float(scan[:, 2].min()), float(scan[:, 2].max())
+
+
+def _scattered(
+    clean: Float64, cell: float, heights: tuple[float, float], rng: np.random.Generator
+) -> tuple[Float64, Float64]:
+    """Return points with noise, and what can be known from them.
+
+    Heights err by `SIGMA` cells, x and y by a third of that; `COARSE` of the points by `TIMES` as
+    much in height, and `GROSS` of them have any height from the first to the last of `heights`.
+    """
+    size, sigma = len(clean), SIGMA * cell
     noisy = clean + rng.normal(0, 1, (size, 3)) * (SIDEWAYS * sigma, SIDEWAYS * sigma, sigma)
     coarse = rng.permutation(size)[: round(COARSE * size)]
     noisy[coarse, 2] = clean[coarse, 2] + rng.normal(0, TIMES * sigma, len(coarse))
-    gross = rng.permutation(size)[: round(GROSS * size)]
-    noisy[gross, 2] = rng.uniform(scan[:, 2].min(), scan[:, 2].max(), len(gross))
-    evidence = np.delete(np.column_stack((noisy[:, :2], clean[:, 2])), gross, axis=0)
-    return Sample(clean, noisy, evidence, cell)
+    gross = _spread(noisy, heights, rng)
+    # That a point was moved sideways, maybe into another cell, cannot be known.
+    return noisy, np.delete(np.column_stack((noisy[:, :2], clean[:, 2])), gross, axis=0)
+
+
+def _spread(noisy: Float64, heights: tuple[float, float], rng: np.random.Generator) -> Int64:
+    """Give `GROSS` of the points any height, in place, and return their numbers."""
+    gross = rng.permutation(len(noisy))[: round(GROSS * len(noisy))]
+    noisy[gross, 2] = rng.uniform(*heights, len(gross))
+    return gross
+
+
+def flown(scan: Float64, features: int, seed: int) -> tuple[Sample, Sample]:
+    """Fly over a scan, as `mls synth --cloud` does, and add noise.
+
+    Parameters
+    ----------
+    scan : float64 (N, 3)
+    features : int
+        How many points a keyframe finds at most.
+    seed : int
+
+    Returns
+    -------
+    thesis, slam : Sample
+        The same points with the noise of `drawn`; and with that of triangulation, which grows with
+        the distance: at the median distance it is as great, and of `COARSE` of the points the
+        depth is half to twice the true one.
+    """
+    surfaces = scenes.Scan.of("scan", scan)
+    exact = Noise(sigma=Scatter(0.0, 0.0), salt_pepper=0.0)
+    flight = fly_scan(surfaces, features, exact, seed=seed)
+    sizes = [len(keyframe.points) for keyframe in flight.keyframes]
+    clean = np.concatenate([keyframe.points for keyframe in flight.keyframes])
+    cell, heights, rng = cell_of(clean), _heights(scan), np.random.default_rng(seed)
+    noisy, evidence = _scattered(clean, cell, heights, rng)
+    cameras = np.repeat([keyframe.position for keyframe in flight.keyframes], sizes, axis=0)
+    sigma = np.full((len(clean), 2), SIGMA * cell) * (SIDEWAYS, 1.0)
+    slam, chances = Noise("slam", salt_pepper=COARSE, reference=flight.range), Chances(seed)
+    seen = displace(clean, cameras, sigma, slam, chances)
+    # As `displace` draws them.
+    right = chances.of("salt and pepper").random(len(clean)) >= COARSE
+    right[_spread(seen, heights, rng)] = False
+
+    def keyframes(points: Float64) -> list[Keyframe]:
+        parts = np.split(points, np.cumsum(sizes)[:-1])
+        return [
+            Keyframe(part, keyframe.stamp, keyframe.position)
+            for part, keyframe in zip(parts, flight.keyframes, strict=True)
+        ]
+
+    return (
+        Sample(clean, noisy, evidence, cell, keyframes(noisy)),
+        Sample(clean, seen, clean[right], cell, keyframes(seen)),
+    )

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 from benchmarks import real
 from benchmarks.instead import INSTEAD, voxels
-from benchmarks.scans import SCANS, Scan, cell_of, draw
+from benchmarks.scans import SCANS, Scan, cell_of, drawn, flown
 from mlscli.building.cell_size import auto_cell_size
 from mlscli.runtime.arrays import Float64
 from mlscli.scoring import ColumnScore, EndErrors, OriginScore, Share, score_mesh
@@ -39,7 +39,7 @@ def hall(size: int, seed: int = 1) -> Float64:
 
 def test_a_sample_has_the_noise_that_is_said() -> None:
     scan = hall(40_000)
-    sample = draw(scan, 20_000, 1)
+    sample = drawn(scan, 20_000, 1)
     assert len(np.unique(sample.clean, axis=0)) == 20_000
     assert {tuple(row) for row in sample.clean.tolist()} <= {tuple(row) for row in scan.tolist()}
     assert sample.cell == auto_cell_size(sample.clean) == cell_of(sample.clean)
@@ -55,7 +55,35 @@ def test_a_sample_has_the_noise_that_is_said() -> None:
     assert np.histogram(heights, 4, (0, 3))[0].min() > 200
     coarse = np.abs(error[~gross, 2]) > 4 / 4
     assert np.count_nonzero(coarse) == pytest.approx(0.1 * 19_000 * 0.424, rel=0.15)
-    assert not np.array_equal(draw(scan, 20_000, 2).clean, sample.clean)
+    assert not np.array_equal(drawn(scan, 20_000, 2).clean, sample.clean)
+
+
+def test_a_flight_sees_a_scan_with_either_noise() -> None:
+    scan = np.concatenate((hall(6000), hall(6000, 2) * (-1, 1, 1)))
+    thesis, slam = flown(scan, 60, 1)
+    np.testing.assert_array_equal(thesis.clean, slam.clean)
+    assert {tuple(row) for row in slam.clean.tolist()} <= {tuple(row) for row in scan.tolist()}
+    sizes = [len(keyframe.points) for keyframe in slam.keyframes]
+    cameras = np.repeat([keyframe.position for keyframe in slam.keyframes], sizes, axis=0)
+    assert len(sizes) > 10
+    assert max(sizes) <= 60
+    for sample in (thesis, slam):
+        points = np.concatenate([keyframe.points for keyframe in sample.keyframes])
+        np.testing.assert_array_equal(points, sample.noisy)
+    assert np.isfinite(cameras).all()
+    size, cell = len(slam.clean), slam.cell
+    assert len(thesis.evidence) == size - round(0.05 * size)
+    assert len(slam.evidence) == pytest.approx(0.9 * 0.95 * size, rel=0.05)
+    np.testing.assert_allclose((thesis.noisy - thesis.clean)[:, 0].std(), cell / 12, rtol=0.1)
+    # Along the ray, and with the square of the distance, but for what is grossly wrong.
+    ray = slam.clean - cameras
+    distance = np.linalg.norm(ray, axis=1)
+    error = ((slam.noisy - slam.clean) * ray).sum(axis=1) / distance
+    far = distance > np.median(distance)
+    typical = [np.median(np.abs(error[half])) / cell for half in (~far, far)]
+    assert typical[0] < 0.6745 / 4 * 1.2 < typical[1]
+    across = np.linalg.norm(np.cross(slam.noisy - slam.clean, ray), axis=1) / distance
+    assert np.median(across) < 0.8 * np.median(np.abs(error))
 
 
 def test_voxels_are_closed_boxes_around_the_points() -> None:
@@ -99,7 +127,15 @@ def a_score(what: str, f: float, red: OriginScore, lowered: int = 0) -> real.Sco
     columns = ColumnScore(nothing, nothing, ends, ends)
     by_origin = {**mesh.by_origin, "artificial": red}
     return real.Scored(
-        "office", 5000, 1, what, 0.5, replace(mesh, f=f, by_origin=by_origin), None, columns
+        "office",
+        "drawn",
+        5000,
+        1,
+        what,
+        0.5,
+        replace(mesh, f=f, by_origin=by_origin),
+        None,
+        columns,
     )
 
 
@@ -130,7 +166,7 @@ def test_a_level_is_missed_where_a_figure_is_on_the_wrong_side(
     found = [row[0] for row in real.levels(made) if row[-1] == "MISSED"]
     assert len(found) == len(missed)
     for row, start in zip(found, missed, strict=True):
-        assert row.startswith(f"office, 5,000: {start}")
+        assert row.startswith(f"office, drawn, 5,000: {start}")
 
 
 def test_the_tables_tell_what_was_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,25 +175,36 @@ def test_the_tables_tell_what_was_measured(tmp_path: Path, monkeypatch: pytest.M
     np.savetxt(tmp_path / "multilevel" / "hall.xyz", scan[:, [0, 2, 1]] * (1, 1, -1), fmt="%.9f")
     # In place: the choices of --scan are made of its names.
     monkeypatch.setitem(SCANS, "office", Scan(("hall.xyz",), "y", (1000, 500)))
-    options = ["--scan", "office", "--seed", "7", "--seed", "8", "--json", str(tmp_path / "a.json")]
+    options = [
+        "--how",
+        "drawn",
+        "--scan",
+        "office",
+        "--seed",
+        "7",
+        "--seed",
+        "8",
+        "--json",
+        str(tmp_path / "a.json"),
+    ]
     for row in (real.DEFAULT, real.PLAIN, real.DRAWN, "voxels"):
         options += ["--row", row]
     done = CliRunner().invoke(real.main, [str(tmp_path), *options], catch_exceptions=False)
     lines = [line.strip("| ").split(" | ") for line in done.output.splitlines()]
-    assert [line[:3] for line in lines[2:10]] == [
-        ["office", size, row]
+    assert [line[:4] for line in lines[2:10]] == [
+        ["office", "drawn", size, row]
         for size in ("1,000", "500")
         for row in (real.DEFAULT, real.PLAIN, real.DRAWN, "voxels")
     ]
     told = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
     assert len(told) == 16
     for score in told:
-        assert score["mesh"]["within"] == draw(scan, score["points"], score["seed"]).cell
+        assert score["mesh"]["within"] == drawn(scan, score["points"], score["seed"]).cell
         assert score["mesh"]["unseen"] == score["mesh"]["beside"] == 0
         assert score["mesh"]["points"] == 4000
     first = [score["mesh"]["precision"] for score in told[:2]]
-    assert lines[2][4] == f"{50 * sum(first):.2f}"
-    assert any(line[0].startswith("office, 500: F of ") for line in lines[10:])
+    assert lines[2][5] == f"{50 * sum(first):.2f}"
+    assert any(line[0].startswith("office, drawn, 500: F of ") for line in lines[10:])
 
 
 def test_without_the_scans_it_says_so(tmp_path: Path) -> None:
