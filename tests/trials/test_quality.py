@@ -7,11 +7,13 @@ and is not named.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from mlscli.config import loads
 from mlscli.errors import UsageError
+from mlscli.pipeline.parameters import Parameters
 from mlscli.trials.quality import ADDED, StageWorth, flown, scored, table, to_dict, to_markdown
 
 
@@ -41,8 +43,8 @@ def test_the_median_makes_outliers_harmless_and_plaster_closes_what_is_missing(
 
 def test_each_row_is_the_score_of_a_pipeline_of_its_own(rows: list[StageWorth]) -> None:
     flight = flown("planes-walls", 0.2, seed=1)
-    only_median = loads("map: {cell_size: 0.15}\npipeline: [median: {recentre: 0.75 cells}]\n")
-    expected = scored(flight, only_median)
+    default = Parameters().with_cell_size(0.15)
+    expected = scored(flight, replace(default, pipeline=default.pipeline[:1]))
     row = next(row for row in rows if (row.outliers, row.stages) == (0.2, "median"))
     assert row.completeness == expected.total.completeness.share
     assert row.false == expected.false_levels
