@@ -60,6 +60,8 @@ _walls = st.builds(
     max_gap_enhanced=_wide,
     height_thresh=_slope,
     join=st.sampled_from([0.0, 0.5, 2.0]),
+    along=st.sampled_from([0.0, 0.5, Cells(3)]),
+    support=st.integers(0, 2),
 )
 _plaster = st.builds(
     Plaster,
@@ -68,6 +70,8 @@ _plaster = st.builds(
     height_thresh=_slope,
     height_clearance=st.sampled_from([0.0, 0.2]),
     slope_reach=st.sampled_from([0.0, 0.8]),
+    support=st.integers(0, 2),
+    over_lower=st.booleans(),
 )
 _pyramids = st.builds(
     Pyramids,

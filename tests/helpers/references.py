@@ -190,8 +190,16 @@ def _between(near: float, far: float, k: int, d: int) -> float:
     return sorted((near, value, far))[1]
 
 
+Judge = Callable[[Patch, Patch, tuple[int, int], int], bool]
+
+
 def _closings(
-    patches: list[Patch], certain: int, allowed: int, rank: Rank, low: Callable[[Patch], float]
+    patches: list[Patch],
+    certain: int,
+    allowed: int,
+    rank: Rank,
+    low: Callable[[Patch], float],
+    judge: Judge,
 ) -> list[Patch]:
     """Return what closes gaps along +x and +y, before it is known where there is room."""
     result = []
@@ -203,7 +211,7 @@ def _closings(
                 continue
             far, d = found
             answer = _look(patches, far, back, allowed + 1, rank)
-            if answer is None or answer[0] is not near:
+            if answer is None or answer[0] is not near or not judge(near, far, step, d):
                 continue
             for k in range(1, d):
                 top = _between(near.height, far.height, k, d)
@@ -237,6 +245,8 @@ def plaster(
     max_gap: float,
     max_gap_enhanced: float,
     slope_reach: float = 0.0,
+    support: int = 0,
+    over_lower: bool = True,
 ) -> list[Patch]:
     def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
         difference = abs(other.height - patch.height)
@@ -247,9 +257,55 @@ def plaster(
 
     for length in _passes(max_gap, max_gap_enhanced):
         certain, allowed = cells(max_gap, cell_size), cells(length, cell_size)
-        closings = _closings(patches, certain, allowed, rank, lambda patch: patch.height)
+        judge = _surfaces(
+            patches, certain, gap_size, clearance if support else math.inf, support, over_lower
+        )
+        closings = _closings(patches, certain, allowed, rank, lambda patch: patch.height, judge)
         patches = patches + _with_room(closings, patches, gap_size)
     return ordered(patches)
+
+
+def _surfaces(
+    patches: list[Patch],
+    certain: int,
+    gap_size: float,
+    level: float,
+    support: int,
+    over_lower: bool,
+) -> Judge:
+    """Return what tells whether a wide gap is level, in a surface and above nothing lower."""
+
+    def judge(near: Patch, far: Patch, step: tuple[int, int], d: int) -> bool:
+        if d - 1 <= certain:
+            return True
+        back = -step[0], -step[1]
+        edges = _around_edge(patches, near, back, level), _around_edge(patches, far, step, level)
+        if abs(near.height - far.height) > level or min(edges) < support:
+            return False
+        return over_lower or not any(
+            _between(near.height, far.height, k, d) - other.height > gap_size
+            for k in range(1, d)
+            for other in patches
+            if other.cell == (near.ix + step[0] * k, near.iy + step[1] * k)
+        )
+
+    return judge
+
+
+def _around_edge(patches: list[Patch], end: Patch, away: tuple[int, int], clearance: float) -> int:
+    """Count the cells behind and beside an end, five in all, with a patch level with it."""
+    count = 0
+    for dx in (-1, 0, 1):
+        for dy in (-1, 0, 1):
+            # Neither the end's own cell nor the three on the side of the gap.
+            if (dx, dy) == (0, 0) or dx * away[0] + dy * away[1] < 0:
+                continue
+            cell = end.ix + dx, end.iy + dy
+            count += any(
+                other.cell == cell and abs(other.height - end.height) <= clearance
+                for other in patches
+            )
+    return count
 
 
 def walls(
@@ -260,6 +316,8 @@ def walls(
     max_gap: float,
     max_gap_enhanced: float,
     join: float = 0.0,
+    along: float = 0.0,
+    support: int = 0,
 ) -> list[Patch]:
     def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
         if apart(patch, other) > slope * d * cell_size:
@@ -269,15 +327,54 @@ def walls(
     for length in _passes(max_gap, max_gap_enhanced):
         certain, allowed = cells(max_gap, cell_size), cells(length, cell_size)
         vertical = [patch for patch in patches if patch.depth > 0]
-        closings = _closings(vertical, certain, allowed, rank, lambda patch: patch.low)
+        judge = _walls_along(vertical, certain, cells(along, cell_size))
+        closings = _closings(vertical, certain, allowed, rank, lambda patch: patch.low, judge)
         holes = []
         for lower, upper in pairwise(ordered(patches)):
             space = upper.low - lower.height
             both = lower.depth > 0 and upper.depth > 0 and lower.cell == upper.cell
-            if both and gap_size < space <= length:
+            shown = _walls_beside(vertical, lower.cell, lower.height, upper.low)
+            enough = space <= max_gap or shown >= support
+            if both and gap_size < space <= length and enough:
                 holes.append(Patch(*lower.cell, upper.low, space, 1 if space <= max_gap else 2, 0))
         patches = ordered(patches + holes + _with_room(closings, patches + holes, gap_size))
     return _drawn_out(patches, gap_size, min(join, gap_size)) if join else patches
+
+
+def _walls_along(vertical: list[Patch], certain: int, look: int) -> Judge:
+    """Return what tells whether a wall runs along a gap at both ends."""
+
+    def judge(near: Patch, far: Patch, step: tuple[int, int], d: int) -> bool:
+        needed = min(d - 1, look) if d - 1 > certain else 0
+        left, right = (step[1], step[0]), (-step[1], -step[0])
+        for end, away in ((near, (-step[0], -step[1])), (far, step)):
+            behind = _in_a_row(vertical, end, away, look)
+            across = sum(_in_a_row(vertical, end, side, look) for side in (left, right))
+            if behind < needed or 2 * behind < across:
+                return False
+        return True
+
+    return judge
+
+
+def _in_a_row(patches: list[Patch], end: Patch, step: tuple[int, int], look: int) -> int:
+    """Count the cells that follow one another from an end and hold a patch that meets it."""
+    for k in range(1, look + 1):
+        cell = end.ix + step[0] * k, end.iy + step[1] * k
+        if not any(other.cell == cell and apart(end, other) == 0 for other in patches):
+            return k - 1
+    return look
+
+
+def _walls_beside(vertical: list[Patch], hole: tuple[int, int], bottom: float, top: float) -> int:
+    """Count the cells around a hole with a vertical patch over more than half of its height."""
+    cells_beside = {
+        other.cell
+        for other in vertical
+        if max(abs(other.ix - hole[0]), abs(other.iy - hole[1])) == 1
+        and 2 * (min(top, other.height) - max(bottom, other.low)) > top - bottom
+    }
+    return len(cells_beside)
 
 
 def _drawn_out(patches: list[Patch], gap_size: float, farthest: float) -> list[Patch]:

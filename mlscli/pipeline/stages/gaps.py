@@ -2,12 +2,13 @@
 
 Plaster closes gaps between heights, walls gaps between vertical intervals; a height is an
 interval without extent, so that one search serves both. It runs along lines of cells: the columns
-of the grid first, then, with x and y swapped, its rows. Both directions read the same input.
+of the grid first, then, with x and y swapped, its rows. Both directions read the same input. What a
+stage asks of a gap beyond that stands in `evidence.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from mlscli.parameters.fields import fields_of, parameter
 from mlscli.parameters.lengths import Cells, Length, exceeds, in_units, whole_cells
 from mlscli.pipeline.stages.inserted import Inserted
 from mlscli.pipeline.stages.stage import Fault, MapStage
-from mlscli.runtime.arrays import Float64, Int32, Int64, frozen
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, frozen
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -136,7 +137,7 @@ class Tolerance(NamedTuple):
     trusted: float = np.inf
 
 
-class _Lines(NamedTuple):
+class Lines(NamedTuple):
     """The C occupied cells, along lines of the grid.
 
     Attributes
@@ -155,32 +156,79 @@ class _Lines(NamedTuple):
     before: Int32
 
 
-def close_gaps(intervals: Intervals, widths: Widths, tolerance: Tolerance) -> Inserted:
+class Gaps(NamedTuple):
+    """Gaps whose ends have found each other along lines of one direction.
+
+    Attributes
+    ----------
+    pairs : int64 (G, 4)
+        Cell and interval of the near end, and cell and interval of the far end.
+    lines, across : Lines
+        The cells along these lines, and along those of the other direction.
+    certain : int
+        The widest gap that is surely closed, in cells.
+    """
+
+    pairs: Int64
+    lines: Lines
+    across: Lines
+    certain: int
+
+
+# Tells which gaps are closed, bool (G,).
+Judge = Callable[[Gaps], Bool]
+
+
+def close_gaps(
+    intervals: Intervals, widths: Widths, tolerance: Tolerance, judge: Judge | None = None
+) -> Inserted:
     """Return the patches that close the gaps along x and along y, in no particular order.
 
     From each interval the search goes along a line at distances d = 1, 2, ... cells. The intervals
     there that are near enough in height are candidates. The first d with a candidate decides; of
     several candidates, the one at the least distance, then with the least difference of upper ends,
-    then the higher. A gap is closed where its two ends find each other.
+    then the higher. A gap is closed where its two ends find each other, and the judge, if there is
+    one, agrees.
+
+    Parameters
+    ----------
+    intervals : Intervals
+        The ends of possible gaps.
+    widths : Widths
+    tolerance : Tolerance
+    judge : callable, optional
+        Tells which gaps, as `Gaps`, are closed, bool (G,); by default all are.
     """
     ix, iy, _ = intervals.cells
-    certain, allowed = (whole_cells(width, tolerance.cell_size) for width in widths)
-    along_y, along_x = (
-        _close_along(lines, intervals, certain, allowed, tolerance)
-        for lines in (_Lines(ix, iy, *links(ix)), _Lines(iy, ix, *links(iy)))
-    )
+    columns, rows = Lines(ix, iy, *links(ix)), Lines(iy, ix, *links(iy))
+    along_y = _close_along(columns, rows, intervals, widths, tolerance, judge)
+    along_x = _close_along(rows, columns, intervals, widths, tolerance, judge)
     return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
 
 
 def _close_along(
-    lines: _Lines, intervals: Intervals, certain: int, allowed: int, tolerance: Tolerance
+    lines: Lines,
+    across: Lines,
+    intervals: Intervals,
+    widths: Widths,
+    tolerance: Tolerance,
+    judge: Judge | None,
 ) -> Inserted:
-    """Return the patches that close gaps along lines; their `ix` is the line, `iy` the position."""
+    """Return the patches that close gaps along lines; their `ix` is the line, `iy` the position.
+
+    Parameters
+    ----------
+    lines, across : Lines
+        The cells along these lines, and along those of the other direction.
+    intervals, widths, tolerance, judge
+        As in `close_gaps`.
+    """
     ends = intervals.cells.start, frozen(intervals.low), frozen(intervals.high)
+    certain, allowed = (whole_cells(width, tolerance.cell_size) for width in widths)
 
     def seek(begin: int, end: int) -> Int64:
         pairs: Int64 = _pairs(begin, end, lines, *ends, allowed + 1, tolerance)
-        return pairs
+        return pairs if judge is None else pairs[judge(Gaps(pairs, lines, across, certain))]
 
     pairs = np.concatenate(in_ranges(len(lines.line), seek, weight=LIGHT))
     in_line, at, height, low_end, width = _fill(pairs, lines, *ends[1:])
@@ -192,7 +240,7 @@ def _close_along(
 def _pairs(
     begin: int,
     end: int,
-    lines: _Lines,
+    lines: Lines,
     start: Int64,
     low: Float64,
     high: Float64,
@@ -205,7 +253,7 @@ def _pairs(
     ----------
     begin, end : int
         Range of cells.
-    lines : _Lines
+    lines : Lines
         The cells along lines of one direction.
     start : int64 (C + 1,)
         Where the intervals of each cell begin.
@@ -311,7 +359,7 @@ def _opposite(
 
 @kernel
 def _fill(
-    pairs: Int64, lines: _Lines, low: Float64, high: Float64
+    pairs: Int64, lines: Lines, low: Float64, high: Float64
 ) -> tuple[Int32, Int32, Float64, Float64, Int64]:
     """Return the patches that fill gaps, which are given as `_pairs` returns them.
 

@@ -12,7 +12,9 @@ Pass one closes gaps up to `max_gap`; pass two reads its result and closes gaps 
 read the same input and the higher patch stays, as its section 6.3 proposes.
 
 The thesis trusts a slope over the whole gap, so that a wide one joins surfaces of different levels.
-With `slope_reach` the height difference allowed grows over that distance only.
+With `slope_reach` the height difference allowed grows over that distance only. With `support`, a
+gap wider than `max_gap` is closed only where it is level and both its ends are edges of surfaces,
+and without `over_lower` only where no lower level was seen through it; `evidence.py` has the rules.
 """
 
 from __future__ import annotations
@@ -25,8 +27,10 @@ import numpy as np
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units
-from mlscli.pipeline.stages.gaps import GapStage, Intervals, Tolerance, close_gaps
+from mlscli.pipeline.stages.evidence import are_surfaces
+from mlscli.pipeline.stages.gaps import Gaps, GapStage, Intervals, Judge, Tolerance, close_gaps
 from mlscli.pipeline.stages.inserted import settle
+from mlscli.runtime.arrays import Bool
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,22 @@ class Plaster(GapStage):
         low=0,
     )
 
+    support: int = parameter(
+        0,
+        "gaps wider than max_gap are closed only where they are level, and so many of the five "
+        "cells behind and beside each end hold a patch level with it, within height_clearance",
+        low=0,
+        high=5,
+    )
+    over_lower: bool = parameter(
+        True,
+        "whether gaps wider than max_gap are closed above patches that lie deeper than gap_size",
+    )
+
+    def reach(self, cell_size: float) -> int:
+        """Return the widths of both passes in whole cells, and one where the ends need support."""
+        return super().reach(cell_size) + (self.support > 0)
+
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with its gaps closed."""
         cell_size = surface.cell_size
@@ -58,6 +78,23 @@ class Plaster(GapStage):
         )
         for widths in self.passes(cell_size):
             heights = Intervals(surface.cells, surface.height, surface.height)
-            closing = close_gaps(heights, widths, tolerance)
-            surface = surface.with_inserted(*settle(closing, surface))
+            judge = self._judge(surface, tolerance.clearance)
+            surface = surface.with_inserted(
+                *settle(close_gaps(heights, widths, tolerance, judge), surface)
+            )
         return surface
+
+    def _judge(self, surface: SurfaceMap, clearance: float) -> Judge | None:
+        """Return what tells which wide gaps are in a surface; None: nobody asks."""
+        if not self.support and self.over_lower:
+            return None
+        level = clearance if self.support else np.inf
+        deepest = np.inf if self.over_lower else surface.gap_size
+
+        def judge(gaps: Gaps) -> Bool:
+            holds: Bool = are_surfaces(
+                *gaps, surface.cells, surface.height, level, self.support, deepest
+            )
+            return holds
+
+        return judge

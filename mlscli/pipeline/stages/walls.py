@@ -8,6 +8,10 @@ successive patches that are both vertical is filled where it is more than `gap_s
 allowed length. A horizontal patch is never joined to what stands above it: the space under a bridge
 stays open. The stage belongs before plaster, which then finds no gap there.
 
+So walls that face each other would be joined, as well as two trees. With `along`, gaps are closed
+only where a wall runs along them, and with `support`, high holes are filled only where the cells
+around show a wall; `evidence.py` has both rules.
+
 The points of a wall seldom reach its ends, and a median draws them inwards. With `join`, walls are
 drawn out after both passes: down to the lowest of the lower ends that the patches of the eight
 cells around have at most `join` below a wall's foot, up to the highest of their heights at most
@@ -27,10 +31,19 @@ from mlscli.maps.neighbours import sought
 from mlscli.maps.order import OccupiedCells
 from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.parameters.fields import parameter
-from mlscli.parameters.lengths import Length, in_units
-from mlscli.pipeline.stages.gaps import GapStage, Intervals, Tolerance, Widths, close_gaps
+from mlscli.parameters.lengths import Length, in_units, whole_cells
+from mlscli.pipeline.stages.evidence import lie_in_walls, run_along
+from mlscli.pipeline.stages.gaps import (
+    Gaps,
+    GapStage,
+    Intervals,
+    Judge,
+    Tolerance,
+    Widths,
+    close_gaps,
+)
 from mlscli.pipeline.stages.inserted import Inserted, settle
-from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, frozen
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -51,27 +64,63 @@ class Walls(GapStage):
         low=0,
     )
 
+    along: Length = parameter(
+        0,
+        "gaps are closed only where the wall runs along them at both ends, judged by the cells up "
+        "to so far behind and beside each end; 0: however it runs",
+        low=0,
+    )
+    support: int = parameter(
+        0,
+        "holes higher than max_gap are filled only where, of the eight cells around, so many hold "
+        "a wall beside more than half of the hole",
+        low=0,
+        high=8,
+    )
+
     def reach(self, cell_size: float) -> int:
-        """Return the widths of both passes in whole cells, and one more where walls are joined."""
-        return super().reach(cell_size) + (in_units(self.join, cell_size) > 0)
+        """Return the widths of both passes in whole cells, and what is looked at beyond them.
+
+        These are the cells behind the ends of a gap or around a hole, in each pass, and the cells
+        around what is joined.
+        """
+        beyond = whole_cells(self.along, cell_size) * len(list(self.passes(cell_size)))
+        joined = in_units(self.join, cell_size) > 0
+        return super().reach(cell_size) + max(beyond, self.support > 0) + joined
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the gaps in its walls closed."""
         cell_size = surface.cell_size
         if not (surface.depth > 0).any():
             return surface
+        tolerance = Tolerance(cell_size, self.height_thresh)
         for widths in self.passes(cell_size):
             upright = np.flatnonzero(surface.depth > 0)
             cells = OccupiedCells.of(surface.ix[upright], surface.iy[upright])
             intervals = Intervals(cells, surface.low_end[upright], surface.height[upright])
-            columns = close_gaps(intervals, widths, Tolerance(cell_size, self.height_thresh))
-            holes = fill_holes(surface, upright, widths)
+            columns = close_gaps(intervals, widths, tolerance, self._judge(intervals, cell_size))
+            holes = fill_holes(surface, upright, widths, intervals, self.support)
             surface = surface.with_inserted(*settle(columns, surface, holes).union(holes))
         farthest = min(in_units(self.join, cell_size), surface.gap_size)
         return drawn_out(surface, farthest) if farthest > 0 else surface
 
+    def _judge(self, intervals: Intervals, cell_size: float) -> Judge | None:
+        """Return what tells where walls run along a gap; None: nobody asks."""
+        farthest = whole_cells(self.along, cell_size)
+        if not farthest:
+            return None
+        walls = intervals.cells.start, frozen(intervals.low), frozen(intervals.high)
 
-def fill_holes(surface: SurfaceMap, upright: Int64, widths: Widths) -> Inserted:
+        def judge(gaps: Gaps) -> Bool:
+            holds: Bool = run_along(*gaps, *walls, farthest)
+            return holds
+
+        return judge
+
+
+def fill_holes(
+    surface: SurfaceMap, upright: Int64, widths: Widths, walls: Intervals, support: int
+) -> Inserted:
     """Return the patches that fill holes between successive vertical patches of one cell.
 
     Parameters
@@ -81,6 +130,10 @@ def fill_holes(surface: SurfaceMap, upright: Int64, widths: Widths) -> Inserted:
         The vertical patches of the map, ascending.
     widths : Widths
         The holes that are filled, by their height.
+    walls : Intervals
+        The vertical patches.
+    support : int
+        Holes that are not surely filled need so many cells around them that show a wall.
     """
     certain, allowed = (in_units(width, surface.cell_size) for width in widths)
     lower, upper = upright[:-1], upright[1:]
@@ -88,13 +141,18 @@ def fill_holes(surface: SurfaceMap, upright: Int64, widths: Widths) -> Inserted:
     hole = (upper == lower + 1) & (space > surface.gap_size) & (space <= allowed)
     hole &= (surface.ix[lower] == surface.ix[upper]) & (surface.iy[lower] == surface.iy[upper])
     upper, space = upper[hole], space[hole]
-    return Inserted(
+    filled = Inserted(
         surface.ix[upper],
         surface.iy[upper],
         surface.low_end[upper],
         space,
         np.where(space <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8),
     )
+    if not support:
+        return filled
+    where = filled.ix, filled.iy, filled.low_end, filled.height
+    shown = lie_in_walls(*where, walls.cells, frozen(walls.low), frozen(walls.high), support)
+    return filled.take(shown | (filled.origin == PLASTERED))
 
 
 def drawn_out(surface: SurfaceMap, farthest: float) -> SurfaceMap:

@@ -60,23 +60,36 @@ def gaps(rng: np.random.Generator) -> tuple[float, float, float]:
 def plaster(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     slope, narrow, wide = gaps(rng)
     clearance, trusted = float(rng.choice([0, 0.25])), float(rng.choice([0, 0.5, 0.8]))
+    support, over_lower = int(rng.choice([0, 0, 1, 2, 3])), bool(rng.random() < 0.5)
     stage = Plaster(
         height_thresh=slope,
         height_clearance=clearance,
         max_gap=narrow,
         max_gap_enhanced=wide,
         slope_reach=trusted,
+        support=support,
+        over_lower=over_lower,
     )
     return stage, lambda p: references.plaster(
-        p, CELL, GAP, slope, clearance, narrow, wide, trusted
+        p, CELL, GAP, slope, clearance, narrow, wide, trusted, support, over_lower
     )
 
 
 def walls(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     slope, narrow, wide = gaps(rng)
-    join = float(rng.choice([0, 0.25, 0.5, 2.0]))
-    stage = Walls(height_thresh=slope, max_gap=narrow, max_gap_enhanced=wide, join=join)
-    return stage, lambda p: references.walls(p, CELL, GAP, slope, narrow, wide, join)
+    join, along = float(rng.choice([0, 0.25, 0.5, 2.0])), float(rng.choice([0, 0, 0.5, 1.0, 1.6]))
+    support = int(rng.choice([0, 0, 1, 2]))
+    stage = Walls(
+        height_thresh=slope,
+        max_gap=narrow,
+        max_gap_enhanced=wide,
+        join=join,
+        along=along,
+        support=support,
+    )
+    return stage, lambda p: references.walls(
+        p, CELL, GAP, slope, narrow, wide, join, along, support
+    )
 
 
 def pyramids(rng: np.random.Generator) -> tuple[MapStage, Reference]:
