@@ -19,13 +19,21 @@ from mlscli.trials.quality import CELL_SIZE, flown, mapped
 THESIS = {
     "median.recentre": "0",
     "walls.join": "0",
+    "walls.along": "0",
+    "walls.support": "0",
     "plaster.slope_reach": "0",
+    "plaster.support": "0",
+    "plaster.over_lower": "true",
     "pyramids.pits": "false",
 }
 DEFAULT = {
     "median.recentre": "0.75 cells",
     "walls.join": "2 cells",
+    "walls.along": "3 cells",
+    "walls.support": "1",
     "plaster.slope_reach": "2 cells",
+    "plaster.support": "2",
+    "plaster.over_lower": "false",
     "pyramids.pits": "true",
 }
 TUNED = (("bridge", "bridge-walls", "house", "planes", "planes-walls"), (11, 12))
@@ -51,6 +59,10 @@ def settings() -> dict[str, dict[str, str]]:
         ("orphans.horizontal", ("1 cell", "3 cells")),
         ("orphans.min_neighbours", ("0", "3")),
         ("walls.join", ("1 cell", "3 cells")),
+        ("walls.along", ("0", "1 cell")),
+        ("walls.support", ("0", "2")),
+        ("plaster.support", ("0", "1", "3")),
+        ("plaster.over_lower", ("true",)),
         ("plaster.height_thresh", ("0.25", "1")),
         ("plaster.height_clearance", ("0.25 cells", "1 cell")),
         ("plaster.slope_reach", ("1 cell", "3 cells")),

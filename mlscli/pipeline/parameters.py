@@ -66,8 +66,8 @@ DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
         "max_slope": 2.0,
     },
     "orphans": {},
-    "walls": {"join": Cells(2)},
-    "plaster": {"slope_reach": Cells(2)},
+    "walls": {"join": Cells(2), "along": Cells(3), "support": 1},
+    "plaster": {"slope_reach": Cells(2), "support": 2, "over_lower": False},
     "pyramids": {"pits": True},
 }
 """The stages by default, with rules that improve on the thesis's (see benchmarks/README.md).
