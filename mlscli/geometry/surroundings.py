@@ -111,19 +111,49 @@ def planes(points: Float64, neighbours: int = 16) -> Planes:
         # long.
         rows = tree.indices[begin:end]
         distances, near = tree.query(points[rows], k=ranks)
-        middles[rows] = points[near].mean(axis=1)
-        offsets = points[near] - middles[rows, None]
-        squares, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
-        thickness, width, length = np.maximum(squares.T, 0.0)
-        variances[rows] = np.maximum(squares, 0.0) / len(ranks)
-        ratio = thickness / np.where(width > 0, width, 1.0)
-        trust[rows] = np.where(width > _THINNEST * length, np.exp(-ratio / _THICKNESS), 0.0)
-        normals[rows], reach[rows] = axes[:, :, 0], distances[:, -1]
+        fitted = fit_planes(points[near])
+        middles[rows], normals[rows], trust[rows], variances[rows] = fitted
+        reach[rows] = distances[:, -1]
 
     if len(points):
         in_ranges(len(points), fit)
         trust[reach > 3 * np.median(reach)] = 0.0
     return Planes(points, middles, normals, trust, variances, reach)
+
+
+class Fitted(NamedTuple):
+    """Planes, each fitted to points; the attributes are those of `Planes`."""
+
+    middles: Float64
+    normals: Float64
+    trust: Float64
+    variances: Float64
+
+
+def fit_planes(around: Float64) -> Fitted:
+    """Fit planes to points, float64 (N, K, 3): K for each of N planes."""
+    middles = around.mean(axis=1)
+    offsets = around - middles[:, None]
+    squares, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
+    squares = np.maximum(squares, 0.0)
+    thickness, width, length = squares.T
+    ratio = thickness / np.where(width > 0, width, 1.0)
+    trust = np.where(width > _THINNEST * length, np.exp(-ratio / _THICKNESS), 0.0)
+    return Fitted(middles, axes[:, :, 0], trust, squares / around.shape[1])
+
+
+def chosen(points: Float64, size: int) -> Float64:
+    """Return `size` points (or all, where there are fewer), chosen by a hash of coordinates.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+        Free of -0.0. Their order does not matter.
+    size : int
+    """
+    if len(points) <= size:
+        return points
+    return points[np.argpartition(_hash(points), size)[:size]]
 
 
 def _hash(points: Float64) -> UInt64:
