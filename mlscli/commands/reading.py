@@ -101,6 +101,11 @@ def reading(command: Command) -> Command:
             help="Each message repeats the whole cloud so far: take only points not seen before.",
         ),
         click.option(
+            "--latest",
+            is_flag=True,
+            help="Each message repeats the whole map, corrected: take the last message alone.",
+        ),
+        click.option(
             "--frame",
             metavar="FRAME",
             help="The map frame. Clouds in it are taken as they are, also where it has no usual "

@@ -36,6 +36,9 @@ class Cloud:
     attitude : tuple of float
         Quaternion x, y, z, w of the craft or its camera, from its axes to that frame; NaN where
         not known.
+    message : int
+        The number of the message that it comes from, within a pass over its source; -1 where it
+        comes from none.
     """
 
     points: Float64
@@ -43,6 +46,7 @@ class Cloud:
     position: tuple[float, float, float] = UNKNOWN_POSITION
     frame_id: str = ""
     attitude: tuple[float, float, float, float] = UNKNOWN_ATTITUDE
+    message: int = -1
 
     @property
     def has_position(self) -> bool:
@@ -130,8 +134,13 @@ class Reading(NamedTuple):
 Wanted = Callable[[float], bool]
 """Called with the stamp (s) of each keyframe, in order; False skips the keyframe.
 
-It is called before a message is decoded, unless the stamp is known only after that.
+It is called before a message is decoded, unless the stamp is known only after that. It may raise
+`PassOver`.
 """
+
+
+class PassOver(Exception):  # noqa: N818  # no error: it ends a pass from within
+    """Raised by a `Wanted` that wants neither this keyframe nor any after it."""
 
 
 def everything(stamp: float) -> bool:  # noqa: ARG001
@@ -178,6 +187,12 @@ class Source(Protocol):
 
     def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
         """Read the clouds from the beginning, in order, without those whose stamp is not wanted."""
+
+    def latest(self, wanted: Wanted = everything) -> Sequence[Cloud]:
+        """Read the clouds of the last message that is wanted and can be read, if there is one.
+
+        Of a message without a stamp, that of its first cloud counts.
+        """
 
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
         """Read the transforms between frames.

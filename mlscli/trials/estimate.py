@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -28,7 +28,7 @@ import numpy as np
 from mlscli.building.builder import Follower, MapBuilder
 from mlscli.building.cell_size import auto_cell_size
 from mlscli.io.reading.glance import Glance
-from mlscli.io.reading.recording import AUTO, open_recording
+from mlscli.io.reading.recording import AUTO, Recording, open_recording
 from mlscli.keyframes.batches import batches
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.grid import LENGTHS
@@ -130,7 +130,9 @@ def estimate_build(
     spent = (time.perf_counter() - begin - opened) * passes
     tally = recording.tally
     trial = _Trial(parameters, keyframes, follow) if _size(keyframes) else None
-    declared = recording.expected_keyframes if glance.cut else tally.keyframes
+    # The last message that was read stands for the last there is.
+    is_known = not glance.cut or "latest" in recording.options
+    declared = tally.keyframes or None if is_known else recording.expected_keyframes
     placed = keyframes[: tally.keyframes - tally.unplaced]
     total = _by_their_rate(placed, recording.duration) if declared is None else declared
     more = total / tally.keyframes if total and tally.keyframes else None
@@ -160,7 +162,7 @@ def estimate_build(
             "points": tally.points_read,
             "dropped": dropped,
         },
-        notes=[*recording.notes, *_reservations(glance)],
+        notes=[*recording.notes, *_reservations(recording, glance)],
         lost=recording.losses,
     )
 
@@ -177,11 +179,12 @@ def _by_their_rate(keyframes: Sequence[Keyframe], duration: float) -> int | None
     return max(len(stamps), round((len(stamps) - 1) * duration / flown) + 1)
 
 
-def _reservations(glance: Glance) -> list[str]:
-    """Return notes on what might change if more were read."""
-    if not glance.poses_cut:
-        return []
-    return ["transforms and poses are read in part: clouds without one may get theirs in the build"]
+def _reservations(recording: Recording, glance: Glance) -> Iterator[str]:
+    """Yield notes on what might change if more were read."""
+    if glance.cut and "latest" in recording.options:
+        yield "`latest`: the end of the recording is not reached: a message before is judged by"
+    if glance.poses_cut:
+        yield "transforms and poses are read in part: clouds without one may get theirs when built"
 
 
 def _lengths(parameters: Parameters) -> dict[str, float | None]:

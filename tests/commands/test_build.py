@@ -16,6 +16,7 @@ from rosbags.highlevel import AnyReader
 from mlscli.io.writing.npz import read_map
 from tests.helpers.bags import Sent, write_bag
 from tests.helpers.program import mls
+from tests.helpers.published import published
 
 FLAT = [
     (0.1 * x + 0.05, 0.1 * y + 0.05, 0.01 * ((x + y) % 2)) for x in range(20) for y in range(20)
@@ -322,3 +323,27 @@ def test_bad_input_is_one_line_and_leaves_no_file(folder: Path, case: str) -> No
 def test_an_output_is_replaced_when_asked(folder: Path) -> None:
     for options, status in (([], 0), ([], 1), (["--overwrite"], 0)):
         assert mls("build", "flight.txt", *options, cwd=folder).returncode == status
+
+
+def test_a_map_that_is_published_again_is_told_and_its_last_message_can_be_taken(
+    tmp_path: Path,
+) -> None:
+    clouds = published(8, lambda time: 0.6 * (1 - time), points=400)
+    write_bag(tmp_path / "slam.bag", [Sent(cloud, k * 10**9) for k, cloud in enumerate(clouds)])
+    size = ("--set", "map.cell_size=0.5", "-c", "plain")
+    done = mls("build", "slam.bag", *size, cwd=tmp_path)
+    (line,) = [line for line in done.stderr.splitlines() if "published again" in line]
+    assert "--latest" in line
+    assert "--cumulative" in line
+    done = mls("build", "slam.bag", "--latest", "-o", "last.npz", *size, cwd=tmp_path)
+    assert "mls: --latest: of 8 messages the last is taken, and no other read" in done.stderr
+    assert "published again" not in done.stderr
+    assert "400 read: 400 kept" in done.stdout
+    surface = read_map(tmp_path / "last.npz")
+    assert int(surface.count.sum()) == 400
+    assert surface.meta["reading"] == {"latest": True}
+    done = mls("build", "slam.bag", "--cumulative", "-o", "all.npz", *size, cwd=tmp_path)
+    assert "mls: --cumulative: nothing was dropped" in done.stderr
+    done = mls("build", "slam.bag", "--latest", "--cumulative", "-o", "no.npz", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "mls: --latest: does not go with --cumulative; leave one of them out\n"

@@ -101,6 +101,20 @@ def test_nothing_but_the_first_keyframes_is_read(tmp_path: Path) -> None:
     assert not estimate_build(bag, glance=tenth()).lost
 
 
+def test_the_last_message_alone_is_told_and_what_was_not_reached(tmp_path: Path) -> None:
+    maps = [Sent(strip(0, 4, 1, 50 * k), k * SECOND) for k in range(1, 9)]
+    bag = write_bag(tmp_path / "a.bag", maps)
+    estimate = estimate_build(bag, glance=tenth(), latest=True)
+    assert estimate.whole
+    assert (estimate.keyframes, estimate.points) == (1, 400)
+    assert estimate.patches == build(open_recording(bag, latest=True)).surface.size
+    assert not any("not reached" in note for note in estimate.notes)
+    hurried = estimate_build(bag, glance=Glance(seconds=-1), latest=True)
+    assert not hurried.whole
+    assert (hurried.keyframes, hurried.points) == (None, None)
+    assert sum("not reached" in note for note in hurried.notes) == 1
+
+
 def test_where_nothing_is_read_nothing_is_claimed(tmp_path: Path) -> None:
     estimate = estimate_build(write_bag(tmp_path / "a.bag", onwards()), glance=Glance(seconds=-1))
     assert not estimate.whole

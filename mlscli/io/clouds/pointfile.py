@@ -99,6 +99,10 @@ class PointFile(ABC):
         """Yield the cloud of each keyframe."""
         return (cloud for cloud in self._content.clouds if wanted(cloud.stamp))
 
+    def latest(self, wanted: Wanted = everything) -> Sequence[Cloud]:  # noqa: ARG002
+        """Return nothing: such files have no messages."""
+        return ()
+
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
         """Yield nothing: clouds and positions of one file are in one frame."""
         return iter(())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
 from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
 from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, CloudPart, MalformedCloudError
 from mlscli.io.ros import NANOSECONDS
-from mlscli.io.source import Clock, Cloud, StampedPoses, Topic, Wanted, everything
+from mlscli.io.source import Clock, Cloud, PassOver, StampedPoses, Topic, Wanted, everything
 
 
 class TopicSource:
@@ -40,7 +41,8 @@ class TopicSource:
         self._clock = clock
         self._deserializer = Deserializer()
         self._split: set[str] = set()
-        self._unreadable = ""
+        self._came = self._lost = 0
+        self._first_fault = ""
         self._lost_beside: dict[str, None] = {}
         self._refused: Counter[str] = Counter()
         self._skipped = 0
@@ -87,7 +89,12 @@ class TopicSource:
     @property
     def losses(self) -> Sequence[str]:
         """What the last pass over clouds, and any pass over transforms or poses, could not read."""
-        of_clouds = filter(None, [*self._container.losses, self._unreadable])
+        of_clouds = list(self._container.losses)
+        if self._lost:
+            of_clouds.append(
+                f"{self.label}: {self._lost} of {self._came} messages cannot be read, "
+                f"{self._first_fault}"
+            )
         return list(self._lost_beside | dict.fromkeys(of_clouds))
 
     def topics(self) -> Sequence[Topic]:
@@ -113,35 +120,80 @@ class TopicSource:
         UsageError
             Several topics have clouds and none was chosen, or the one chosen cannot be mapped.
         """
-        self._unreadable, self._skipped = "", 0
-        came = lost = 0
-        first_fault = ""
-        topic = self._topic
-        try:
-            for message in self._messages((topic.type,), topic.name):
-                came += 1
+        for number, message in self._pass():
+            stamp = self._stamp(message)
+            if math.isnan(stamp):
+                yield from self._clouds_of(number, message, wanted)
+            elif wanted(stamp):
+                yield from self._clouds_of(number, message)
+
+    def latest(self, wanted: Wanted = everything) -> Sequence[Cloud]:
+        """Read the clouds of the last message of the topic that is wanted and can be read.
+
+        Only that one is decoded, if messages begin with their time.
+
+        Raises
+        ------
+        InputError, UsageError
+            As for `clouds`.
+        """
+        chosen: set[int] = set()
+        last: tuple[int, Message] | None = None
+        with suppress(PassOver):
+            for number, message in self._pass():
                 stamp = self._stamp(message)
-                if not math.isnan(stamp) and not wanted(stamp):
-                    continue
-                try:
-                    parts = self._decode(message)
-                except (MalformedMessageError, MalformedCloudError) as error:
-                    lost += 1
-                    first_fault = first_fault or f"the first at {stamp:.9f}: {error}"
-                    continue
-                for part in parts:
-                    self._skipped += part.skipped
-                    time = part.stamp if math.isnan(stamp) else stamp
-                    if math.isnan(stamp) and not wanted(time):
+                if math.isnan(stamp):
+                    parts = self._parts(message)
+                    if not parts:
                         continue
-                    for points in part.split():
-                        yield Cloud(points, time, frame_id=part.frame_id)
-        finally:
-            # Also where the caller ends the pass early.
-            if lost:
-                self._unreadable = (
-                    f"{self.label}: {lost} of {came} messages cannot be read, {first_fault}"
-                )
+                    stamp = parts[0].stamp
+                if wanted(stamp):
+                    chosen.add(number)
+                    last = number, message
+        if last is None:
+            return []
+        lost, self._skipped = self._lost, 0
+        clouds = self._clouds_of(*last)
+        if self._lost > lost:
+            # Of those before, the last one that can be read is found by reading all of them.
+            for number, message in self._pass():
+                if number in chosen:
+                    clouds = self._clouds_of(number, message) or clouds
+        return clouds
+
+    def _pass(self) -> Iterator[tuple[int, Message]]:
+        """Begin a pass over the messages of the topic, and number them."""
+        self._came = self._lost = self._skipped = 0
+        self._first_fault = ""
+        topic = self._topic
+        for number, message in enumerate(self._messages((topic.type,), topic.name)):
+            self._came += 1
+            yield number, message
+
+    def _clouds_of(self, number: int, message: Message, wanted: Wanted = everything) -> list[Cloud]:
+        """Return the clouds of a message, without those whose stamp is not wanted."""
+        stamp = self._stamp(message)
+        clouds = []
+        for part in self._parts(message):
+            time = part.stamp if math.isnan(stamp) else stamp
+            if wanted(time):
+                clouds += [
+                    Cloud(points, time, frame_id=part.frame_id, message=number)
+                    for points in part.split()
+                ]
+        return clouds
+
+    def _parts(self, message: Message) -> list[CloudPart]:
+        """Decode a message; one that cannot be read is counted, and has no parts."""
+        try:
+            parts = self._decode(message)
+        except (MalformedMessageError, MalformedCloudError) as error:
+            self._lost += 1
+            at = f"the first at {self._stamp(message):.9f}"
+            self._first_fault = self._first_fault or f"{at}: {error}"
+            return []
+        self._skipped += sum(part.skipped for part in parts)
+        return parts
 
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
         """Read the transforms of all topics, each with whether its topic is a ``tf_static``.

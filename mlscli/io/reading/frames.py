@@ -27,6 +27,11 @@ BODY_FRAMES = ("base_link", "base_footprint", "base", "body", "base_stabilized",
 """Usual names of the craft's own frame, the likeliest first."""
 
 
+def listed(numbers: Sequence[float] | None) -> str | None:
+    """Return numbers as the command line takes them; None where there are none."""
+    return None if numbers is None else ",".join(f"{number:g}" for number in numbers)
+
+
 class Mounting(NamedTuple):
     """T_body_sensor: where a sensor is on the craft.
 
@@ -40,6 +45,25 @@ class Mounting(NamedTuple):
 
     translation: tuple[float, float, float]
     rotation: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, extrinsic: Sequence[float] | None) -> Mounting | None:
+        """Return the mounting that the user states as x, y, z, qx, qy, qz, qw.
+
+        Raises
+        ------
+        UsageError
+            These are not seven finite numbers, or the quaternion is 0.
+        """
+        if extrinsic is None:
+            return None
+        if len(extrinsic) != 7 or not np.isfinite(extrinsic).all() or not any(extrinsic[3:]):
+            raise UsageError(
+                f"`extrinsic` {listed(extrinsic)}: expected x,y,z,qx,qy,qz,qw, finite numbers, the "
+                "quaternion not all 0"
+            )
+        x, y, z, qx, qy, qz, qw = extrinsic
+        return cls((x, y, z), (qx, qy, qz, qw))
 
     @property
     def poses(self) -> Poses:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any, TypeVar, cast
 
-from mlscli.io.source import Cloud, Source, Wanted, everything
+from mlscli.io.source import Cloud, PassOver, Source, Wanted, everything
 
 _T = TypeVar("_T")
 
@@ -64,10 +65,6 @@ class Glance:
         return self._left <= 0 or now > self._deadline
 
 
-class _Over(Exception):  # noqa: N818  # no error: it ends a pass from within
-    pass
-
-
 class _Beginning:
     """A source whose passes end at the limits of a glance; all else is that of the source."""
 
@@ -80,6 +77,18 @@ class _Beginning:
         return getattr(self._source, name)
 
     def clouds(self, wanted: Wanted = everything) -> Iterator[Cloud]:
+        asked = self._begin(wanted)
+        with suppress(PassOver):
+            for cloud in self._source.clouds(asked):
+                self._glance.took(len(cloud.points))
+                yield cloud
+
+    def latest(self, wanted: Wanted = everything) -> Sequence[Cloud]:
+        # The limit of points does not matter here: one message is decoded.
+        return self._source.latest(self._begin(wanted))
+
+    def _begin(self, wanted: Wanted) -> Wanted:
+        """Begin a pass over clouds, and return what ends it."""
         glance = self._glance
         if self._is_first:
             glance.begin()
@@ -88,15 +97,11 @@ class _Beginning:
         def asked(stamp: float) -> bool:
             # Unwanted messages count, too: a start far into the flight is not waited for.
             if glance.is_over:
-                raise _Over
+                glance.cut = True
+                raise PassOver
             return wanted(stamp)
 
-        try:
-            for cloud in self._source.clouds(asked):
-                glance.took(len(cloud.points))
-                yield cloud
-        except _Over:
-            glance.cut = True
+        return asked
 
     def transforms(self) -> Iterator[Any]:
         return self._while_time(self._source.transforms())

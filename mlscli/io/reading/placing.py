@@ -129,7 +129,7 @@ class Placing:
                 return None
             points = apply(pose, points)
             position, attitude = _components(pose)
-        known = position if cloud.has_position else self._position(cloud.stamp)
+        known = position if cloud.has_position else self.position(cloud.stamp)
         return Cloud(points, cloud.stamp, known or position, self.frame_id, attitude)
 
     def moves_with_craft(self, frame_id: str) -> bool:
@@ -137,7 +137,7 @@ class Placing:
         frame = bare(frame_id)
         return (bool(frame) and not is_world(frame)) or self._ways.get(frame) is not None
 
-    def _position(self, stamp: float) -> tuple[float, float, float] | None:
+    def position(self, stamp: float) -> tuple[float, float, float] | None:
         """Return the position of the craft, x, y, z in the map frame; None where not known.
 
         It is that of the trajectory; without one, of the pose topic; or else of the transforms.

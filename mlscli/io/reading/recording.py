@@ -18,12 +18,14 @@ from mlscli.geometry.up import UP_AXES
 from mlscli.io.clouds.pointarray import PointArray
 from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
 from mlscli.io.reading.formats import open_source
-from mlscli.io.reading.frames import Mounting
+from mlscli.io.reading.frames import Mounting, listed
 from mlscli.io.reading.glance import Glance
 from mlscli.io.reading.placing import Asked, Placing
+from mlscli.io.reading.republished import Republished
+from mlscli.io.reading.selected import last_message, selected
 from mlscli.io.reading.selection import Selection
 from mlscli.io.reading.sieve import Sieve
-from mlscli.io.reading.tally import UNPLACED, Tally
+from mlscli.io.reading.tally import REPEATED, UNPLACED, Tally
 from mlscli.io.reading.upright import Upright
 from mlscli.io.source import Clock, Cloud, Reading, Source
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Keyframe
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 AUTO = "auto"
 """The value of `up` with which the vertical is searched for."""
 
+_NONE = np.empty((0, 3))
 _TIMELESS = (
     "the time in the headers of all clouds is 0; `time_source` log takes the times of recording"
 )
@@ -61,11 +64,15 @@ class Recording:
     _placing: Placing
     _upright: Upright
     _cumulative: bool
+    _latest: bool = False
     _trajectory: Trajectory | None = None
     _notes: Sequence[str] = ()
     options: dict[str, Any] = field(default_factory=dict)
     tally: Tally = field(default_factory=Tally)
     _glance: Glance | None = None
+    # What the last pass has found.
+    _messages: int = 0
+    _is_republished: bool = False
 
     @property
     def frame_id(self) -> str:
@@ -91,7 +98,7 @@ class Recording:
     def notes(self) -> list[str]:
         """What the user should know about how the sources are read; complete only after a pass."""
         notes = [note for source in self._sources for note in source.notes]
-        notes += [*self._placing.notes, *self._notes]
+        notes += [*self._placing.notes, *self._notes, *self._repeats()]
         if self.tally.unplaced:
             notes.append(
                 f"{self.tally.unplaced:,} of {self.tally.keyframes:,} keyframes are left out: "
@@ -101,6 +108,19 @@ class Recording:
             notes.append(_TIMELESS)
         return notes
 
+    def _repeats(self) -> Iterator[str]:
+        """Yield what the last pass has found out about a map that is published again and again."""
+        if self._is_republished:
+            yield (
+                f"{', '.join(self.labels)}: the same area is published again and again, at other "
+                "heights or places, and all of it is mapped; `latest` takes the last message "
+                "alone, `cumulative` drops only points that come again unchanged"
+            )
+        if self._messages:
+            yield f"`latest`: of {self._messages:,} messages the last is taken, and no other read"
+        if self._cumulative and self.tally.points_read and not self.tally.dropped.get(REPEATED):
+            yield "`cumulative`: nothing was dropped, as no point came again unchanged"
+
     @property
     def losses(self) -> list[str]:
         """What the last pass could not read."""
@@ -109,7 +129,7 @@ class Recording:
     @property
     def expected_keyframes(self) -> int | None:
         """How many keyframes a pass will yield; None where not known before reading."""
-        if self._selection.by_time:
+        if self._selection.by_time or self._latest:
             return None
         total = 0
         for source in self._sources:
@@ -136,7 +156,8 @@ class Recording:
         ------
         Keyframe
             One without points, too, where all were dropped. Where no cloud has a position, the
-            poses of the trajectory follow at the end, as keyframes without points.
+            poses of the trajectory follow at the end, as keyframes without points. With `latest`,
+            such keyframes tell where the craft was at the times of all messages, as far as known.
 
         Raises
         ------
@@ -146,9 +167,11 @@ class Recording:
             `start` or `end` is given, and a keyframe has no time.
         """
         known = False
-        for cloud in self._clouds():
+        watched = None if self._latest else Republished()
+        for cloud in self._clouds(watched):
             known |= cloud.has_position
             yield Keyframe(cloud.points, cloud.stamp, cloud.position)
+        self._is_republished = watched is not None and watched.is_noticed()
         if self._trajectory is not None and not known:
             yield from self._loose_route(self._trajectory)
 
@@ -156,42 +179,54 @@ class Recording:
         """Yield the poses of a trajectory as keyframes without points."""
         for stamp, *position in trajectory.route.tolist():
             x, y, z = position
-            yield Keyframe(np.empty((0, 3)), stamp, self._upright.position((x, y, z)))
+            yield Keyframe(_NONE, stamp, self._upright.position((x, y, z)))
 
-    def _clouds(self) -> Iterator[Cloud]:
-        """Read the clouds of the keyframes in the map frame, turned upright; not the attitudes."""
+    def _clouds(self, watched: Republished | None = None) -> Iterator[Cloud]:
+        """Read the clouds of the keyframes in the map frame, turned upright; not the attitudes.
+
+        Messages that are taken as they are recorded are shown to `watched`.
+        """
         self.tally = tally = Tally()
         sieve = Sieve(tally, self._selection.crop, cumulative=self._cumulative)
-        choose = self._selection.chooser()
-
-        def wanted(stamp: float) -> bool:
-            if not tally.came:
-                tally.began = stamp
-            tally.came += 1
-            tally.timed |= stamp != 0
-            return choose(stamp)
-
-        clouds = ((source, cloud) for source in self._sources for cloud in source.clouds(wanted))
-        for number, (source, cloud) in enumerate(clouds):
-            if number % self._selection.every:
-                continue
+        if self._latest:
+            last, times = last_message(self._sources, self._selection, tally)
+            clouds, self._messages = iter(last), len(times)
+            yield from self._positions(times)
+        else:
+            clouds = selected(self._sources, self._selection, tally)
+        for source, cloud in clouds:
             tally.keyframes += 1
             tally.points_read += len(cloud.points)
-            if self._placing.moves_with_craft(cloud.frame_id):
+            moves = self._placing.moves_with_craft(cloud.frame_id)
+            if moves:
                 cloud = replace(cloud, points=sieve.returned(cloud.points))
             placed = self._placing.place(source, cloud)
             if placed is None:
                 tally.unplaced += 1
                 tally.drop(UNPLACED, len(cloud.points))
                 continue
-            points = sieve.measured(self._upright.points(placed.points))
+            if watched is not None and cloud.message >= 0 and placed.points is cloud.points:
+                watched.add(cloud.points, (source.label, cloud.message))
+            points = sieve.measured(self._upright.points(placed.points), cloud.points)
             position = UNKNOWN_POSITION
-            if placed.has_position:
+            # A map that is published as a whole was seen from all along the route.
+            if placed.has_position and (moves or not self._latest):
                 position = self._upright.position(placed.position)
             yield Cloud(points, placed.stamp, position, placed.frame_id, placed.attitude)
-        is_part = self._glance is not None and self._glance.cut
-        if tally.points_read == sum(tally.dropped.values()) and not is_part:
+        if tally.points_read == sum(tally.dropped.values()) and not self._is_part:
             raise InputError(self._emptiness())
+
+    @property
+    def _is_part(self) -> bool:
+        """Whether the last pass has left clouds unread, as the glance was over."""
+        return self._glance is not None and self._glance.cut
+
+    def _positions(self, times: Sequence[float]) -> Iterator[Cloud]:
+        """Yield where the craft was at these times, as far as known, as clouds without points."""
+        for stamp in times:
+            position = self._placing.position(stamp)
+            if position is not None:
+                yield Cloud(_NONE, stamp, self._upright.position(position), self.frame_id)
 
     @property
     def _is_timeless(self) -> bool:
@@ -216,6 +251,8 @@ class Recording:
             losses = f"; {_TIMELESS}{losses}"
         elif tally.unplaced == tally.keyframes > 0:
             losses = f"; {self._out_of_reach()}{losses}"
+        if self._messages and not self.losses:
+            losses = f"{losses}; it is the last of {self._messages:,} messages, `end` takes others"
         if not tally.keyframes:
             where = " between `start` and `end`" if self._selection.by_time else ""
             return f"{sources}: holds no keyframes{where}{losses}"
@@ -234,6 +271,7 @@ def open_recording(
     crop: Sequence[float] | None = None,
     up: str = "z",
     cumulative: bool = False,
+    latest: bool = False,
     frame: str | None = None,
     pose_topic: str | None = None,
     extrinsic: Sequence[float] | None = None,
@@ -260,7 +298,9 @@ def open_recording(
     up : str
         Which axis of the recording points up: z, -z, y, -y, x or -x; auto finds it.
     cumulative : bool
-        Take a point only the first time that its exact coordinates appear.
+        Take a point only the first time that its exact coordinates, as recorded, appear.
+    latest : bool
+        Of the messages selected take the last one alone.
     frame : str, optional
         The map frame; clouds in it are taken as they are.
     pose_topic : str, optional
@@ -323,10 +363,12 @@ def open_recording(
     is_text = [source.kind == "text cloud" for source in opened]
     _check_applies("topic", topic, has_topics, "a bag")
     _check_applies("pose_topic", pose_topic, has_topics, "a bag")
-    _check_applies("extrinsic", _listed(extrinsic), has_topics, "a bag")
+    _check_applies("extrinsic", listed(extrinsic), has_topics, "a bag")
     _check_applies("columns", columns, is_text, "a text cloud")
+    if latest:
+        _check_latest(opened, cumulative=cumulative)
     trajectory = None if route is None else read_trajectory(Path(route))
-    placing = Placing.of(opened, Asked(frame, pose_topic, _mounting(extrinsic), trajectory))
+    placing = Placing.of(opened, Asked(frame, pose_topic, Mounting.of(extrinsic), trajectory))
     given = {
         "topic": topic,
         "columns": columns,
@@ -336,6 +378,7 @@ def open_recording(
         "crop": None if crop is None else list(crop),
         "up": up if up != "z" else None,
         "cumulative": cumulative or None,
+        "latest": latest or None,
         "frame": frame,
         "pose_topic": pose_topic,
         "extrinsic": None if extrinsic is None else list(extrinsic),
@@ -346,8 +389,9 @@ def open_recording(
     notes = list(trajectory.notes) if trajectory else []
     upright = Upright.along("z" if up == AUTO else up)
     recording = Recording(
-        opened, selection, placing, upright, cumulative, trajectory, notes, options, _glance=glance
-    )
+        opened, selection, placing, upright, cumulative, latest, trajectory, notes, options,
+        _glance=glance,
+    )  # fmt: skip
     if up == AUTO:
         found = _find_up(recording, trajectory)
         recording._upright = Upright.found(found)
@@ -378,21 +422,14 @@ def _find_up(recording: Recording, trajectory: Trajectory | None) -> Up:
     return find_up(sample.points, np.array(positions), np.array(turns))
 
 
-def _mounting(extrinsic: Sequence[float] | None) -> Mounting | None:
-    if extrinsic is None:
-        return None
-    if len(extrinsic) != 7 or not np.isfinite(extrinsic).all() or not any(extrinsic[3:]):
-        raise UsageError(
-            f"`extrinsic` {_listed(extrinsic)}: expected x,y,z,qx,qy,qz,qw, finite numbers, the "
-            "quaternion not all 0"
-        )
-    x, y, z, *rotation = extrinsic
-    qx, qy, qz, qw = rotation
-    return Mounting((x, y, z), (qx, qy, qz, qw))
-
-
-def _listed(numbers: Sequence[float] | None) -> str | None:
-    return None if numbers is None else ",".join(f"{number:g}" for number in numbers)
+def _check_latest(sources: Sequence[Source], *, cumulative: bool) -> None:
+    if cumulative:
+        raise UsageError("`latest`: does not go with `cumulative`; leave one of them out")
+    for source in sources:
+        if not source.topics():
+            raise UsageError(
+                f"`latest`: {source.path} is a {source.kind}, which holds no messages; leave it out"
+            )
 
 
 def _check_applies(argument: str, value: object, applies: Sequence[bool], what: str) -> None:

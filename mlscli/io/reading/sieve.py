@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from mlscli.io.reading.tally import NO_RETURN, Tally
+from mlscli.io.reading.tally import NO_RETURN, REPEATED, Tally
 from mlscli.keyframes.keyframe import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64
+
+if TYPE_CHECKING:
+    from mlscli.io.reading.seen import SeenPoints
 
 _Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
 # Why points are dropped, and a function that returns for points (N, 3) which are kept, (N,).
@@ -25,7 +28,7 @@ class Sieve:
     crop : six floats, optional
         xmin, xmax, ymin, ymax, zmin, zmax in the map frame, inclusive.
     cumulative : bool
-        Keep a point only the first time that its exact coordinates appear.
+        Keep a point only the first time that its exact coordinates, as recorded, appear.
     """
 
     def __init__(
@@ -40,20 +43,34 @@ class Sieve:
                 return _on_all_axes((low <= points) & (points <= high))
 
             self._filters.append(("outside the crop", inside))
+        self._seen: SeenPoints | None = None
         if cumulative:
             from mlscli.io.reading.seen import SeenPoints
 
-            self._filters.append(("repeated", SeenPoints().add))
+            self._seen = SeenPoints()
 
     def returned(self, points: Float64) -> Float64:
         """Return points (N, 3), in their sensor's frame, without those at exactly (0, 0, 0)."""
         return self._kept(points, NO_RETURN, _on_any_axis(points != 0))
 
-    def measured(self, points: Float64) -> Float64:
-        """Return the points (N, 3), in the map frame, that are measured and pass the filters."""
+    def measured(self, points: Float64, recorded: Float64) -> Float64:
+        """Return the points that are measured and pass the filters.
+
+        Parameters
+        ----------
+        points : float64 (N, 3)
+            In the map frame, without -0.0.
+        recorded : float64 (N, 3)
+            The same points as recorded.
+        """
         unmeasured = () if _all_measured(points) else _UNMEASURED
         for reason, keeps in (*unmeasured, *self._filters):
-            points = self._kept(points, reason, keeps(points))
+            kept = keeps(points)
+            if self._seen is not None and not kept.all():
+                recorded = recorded[kept]
+            points = self._kept(points, reason, kept)
+        if self._seen is not None:
+            points = self._kept(points, REPEATED, self._seen.add(recorded + 0.0))
         return points
 
     def _kept(self, points: Float64, reason: str, kept: Bool) -> Float64:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-NO_RETURN, UNPLACED = "no return", "no transform at their time"
+NO_RETURN, UNPLACED, REPEATED = "no return", "no transform at their time", "repeated"
 """Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
 
 

@@ -21,6 +21,18 @@ from mlscli.errors import InputError, MlsError, UsageError
 from mlscli.io.reading.recording import open_recording
 from mlscli.keyframes.keyframe import Keyframe
 from tests.helpers.bags import Sent, write_bag
+from tests.helpers.craft import (
+    FIRST,
+    POINTS,
+    SECOND_POSE,
+    assert_near,
+    between,
+    cloud,
+    clouds_of,
+    moved,
+    moving,
+    opened,
+)
 from tests.helpers.keyframes import xs
 from tests.helpers.texts import text
 
@@ -155,6 +167,43 @@ def test_repeated_points_are_known_across_sources(tmp_path: Path) -> None:
 
     assert xs(open_recording(one, two, cumulative=True)) == [1, 2, 3, 0]
     assert xs(open_recording(one, two)) == [1, 2, 1, 2, 3, 0, 0]
+
+
+def test_points_are_repeated_as_recorded_however_they_are_moved(tmp_path: Path) -> None:
+    # The map frame of the SLAM system drifts below the map of the recording.
+    more = np.r_[POINTS, [[7.0, 8.0, 9.0]]]
+    again = [cloud(1, "slam", more), cloud(4, "slam", more)]
+    messages = [*moving("map", "slam"), cloud(0, "slam"), *again]
+    recording = opened(tmp_path, messages, cumulative=True)
+    clouds = clouds_of(recording)
+    assert [len(points) for points in clouds] == [3, 1, 0]
+    assert recording.tally.dropped == {"repeated": 7}
+    assert_near(clouds[1], moved(between(FIRST, SECOND_POSE, 0.25), points=more[3:]))
+    assert not any("nothing was dropped" in note for note in recording.notes)
+
+
+def test_a_point_is_repeated_only_where_it_was_taken(tmp_path: Path) -> None:
+    # It lies outside the crop at first.
+    messages = [*moving("map", "slam"), cloud(0, "slam"), cloud(4, "slam"), cloud(4, "slam")]
+    whole = np.concatenate(clouds_of(opened(tmp_path, messages)))[3:6]
+    low, high = whole.min(axis=0) - 0.1, whole.max(axis=0) + 0.1
+    crop = [float(bound) for pair in zip(low, high, strict=True) for bound in pair]
+    recording = open_recording(tmp_path / "flight", cumulative=True, crop=crop)
+    assert [len(points) for points in clouds_of(recording)] == [0, 3, 0]
+    assert recording.tally.dropped == {"outside the crop": 3, "repeated": 3}
+
+
+def test_it_is_said_where_no_point_is_repeated(tmp_path: Path) -> None:
+    path = text(tmp_path, "1 0 0 0\n2 0 0 0\n1 0 0.001 1\n")
+    recording = open_recording(path, cumulative=True)
+    for _ in range(2):
+        assert xs(recording) == [1, 2, 1]
+        assert recording.notes[-1] == (
+            "`cumulative`: nothing was dropped, as no point came again unchanged"
+        )
+    recording = open_recording(path, path, cumulative=True)
+    assert xs(recording) == [1, 2, 1]
+    assert not any("cumulative" in note for note in recording.notes)
 
 
 # Several sources, wrong options, and nothing left
