@@ -17,6 +17,8 @@ from mlscli.scoring import Score, score
 from mlscli.trials.quality import CELL_SIZE, flown, mapped
 
 THESIS = {
+    "median.max_nb": "16", "median.min_nb": "8",
+    "median.level": "0", "median.min_share": "0", "median.max_slope": "0",
     "median.recentre": "0",
     "walls.join": "0",
     "walls.along": "0",
@@ -27,6 +29,8 @@ THESIS = {
     "pyramids.pits": "false",
 }
 DEFAULT = {
+    "median.max_nb": "24", "median.min_nb": "4",
+    "median.level": "1 cell", "median.min_share": "0.3", "median.max_slope": "2",
     "median.recentre": "0.75 cells",
     "walls.join": "2 cells",
     "walls.along": "3 cells",
@@ -36,6 +40,8 @@ DEFAULT = {
     "plaster.over_lower": "false",
     "pyramids.pits": "true",
 }
+# They belong together: a share of neighbours at a level needs more neighbours, and fewer for certain.
+_OF_MEDIAN = {f"median.{name}" for name in ("max_nb", "min_nb", "level", "min_share", "max_slope")}
 TUNED = (("bridge", "bridge-walls", "house", "planes", "planes-walls"), (11, 12))
 _OTHERS = (
     *("table", "village-thesis", "house-storeys", "street"),
@@ -49,12 +55,17 @@ RULE = "|:--|--:|--:|--:|--:|--:|--:|--:|--:|"
 def settings() -> dict[str, dict[str, str]]:
     """Return the settings to try, by name: parameters and their values."""
     named = {"the thesis's rules": THESIS}
-    named |= {f"only `{name}={value}`": {**THESIS, name: value} for name, value in DEFAULT.items()}
+    median = {name: value for name, value in DEFAULT.items() if name in _OF_MEDIAN}
+    named["only level and slope of the median"] = {**THESIS, **median}
+    others = {name: value for name, value in DEFAULT.items() if name not in _OF_MEDIAN}
+    named |= {f"only `{name}={value}`": {**THESIS, name: value} for name, value in others.items()}
     named["all of these: the default"] = DEFAULT
     for name, values in (
         ("median.recentre", ("0.5 cells", "1 cell")),
-        ("median.min_nb", ("4", "10")),
-        ("median.max_nb", ("12", "24")),
+        ("median.min_nb", ("3", "6")),
+        ("median.max_nb", ("16", "32")),
+        ("median.min_share", ("0.2", "0.4")),
+        ("median.max_slope", ("0", "1")),
         ("median.nb_radius", ("2.5 cells", "4 cells")),
         ("orphans.horizontal", ("1 cell", "3 cells")),
         ("orphans.min_neighbours", ("0", "3")),
