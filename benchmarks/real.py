@@ -13,7 +13,6 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import chain
 from pathlib import Path
 from statistics import mean
 from typing import TypeAlias
@@ -60,7 +59,10 @@ MOST_LOST, LEAST_RIGHT = 0.01, 0.7
 MOST_LOWERED = 0.01
 LEAST_GROUND = 0.97
 
-LEVEL_HEAD = ("what", "level", "found", "")
+LEVEL_HEAD = (
+    *("scan", "how", "points", "F", "at least", "best other", "its F"),
+    *("red costs", "right", "known tops lowered", "missed"),
+)
 HEAD = (
     *("scan", "how", "points", "what", "cell", "precision", "recall", "F", "found"),
     *("red", "right", "costs", "wins", "tops missed", "lowered", "feet raised"),
@@ -246,8 +248,8 @@ def by_sample(found: Sequence[Scored]) -> dict[tuple[str, str, str], dict[str, l
     return result
 
 
-def levels(by_what: Mapping[str, Sequence[Scored]]) -> Iterator[tuple[str, ...]]:
-    """Yield the levels of a sample: what is measured, the level, the figure, and a verdict.
+def levels(by_what: Mapping[str, Sequence[Scored]]) -> tuple[str, ...]:
+    """Return the row of a sample in the table of levels, the last cell those that are missed.
 
     Parameters
     ----------
@@ -255,32 +257,29 @@ def levels(by_what: Mapping[str, Sequence[Scored]]) -> Iterator[tuple[str, ...]]
         What was made of the sample, by name, a score for each seed.
     """
     mine = by_what[DEFAULT]
-    name = f"{mine[0].scan}, {mine[0].how}, {mine[0].points:,}"
     least = LEAST_F.get(mine[0].scan, LEAST_F_ELSEWHERE)
     f = {what: mean(score.mesh.f for score in scores) for what, scores in by_what.items()}
     others = {what: f[what] for what in f if what not in (DEFAULT, DRAWN)}
-    best = max(others, key=lambda what: others[what], default=None)
-    yield _level(f"{name}: F", least, f[DEFAULT], at_least=True)
-    if best is not None:
-        yield _level(f"{name}: F of {best}", others[best], f[DEFAULT], at_least=True)
+    best = max(others, key=lambda what: others[what], default="")
     red = [score.mesh.by_origin["artificial"] for score in mine]
     lost = mean(each.precision_lost for each in red)
-    yield _level(f"{name}: precision that red costs", MOST_LOST, lost, at_least=False)
     right = [each.precision for each in red if each.precision is not None]
-    if right:
-        yield _level(f"{name}: red that is right", LEAST_RIGHT, mean(right), at_least=True)
     known = [score.known.upper_ends.too_low for score in mine if score.known is not None]
     lowered = together(known)
-    if lowered is not None:
-        what = f"{name}: known tops lowered, of {sum(share.of for share in known):,}"
-        yield _level(what, MOST_LOWERED, lowered, at_least=False)
-
-
-def _level(what: str, level: float, found: float, *, at_least: bool) -> tuple[str, ...]:
-    reached = found >= level if at_least else found <= level
-    bound = "at least" if at_least else "at most"
-    verdict = "reached" if reached else "MISSED"
-    return what, f"{bound} {100 * level:.2f}", f"{100 * found:.2f}", verdict
+    missed = {
+        "F": f[DEFAULT] < least,
+        "other": f[DEFAULT] <= others.get(best, 0.0),
+        "costs": lost > MOST_LOST,
+        "right": bool(right) and mean(right) < LEAST_RIGHT,
+        "tops": (lowered or 0.0) > MOST_LOWERED,
+    }
+    return (
+        *(mine[0].scan, mine[0].how, f"{mine[0].points:,}"),
+        *(_percent([f[DEFAULT]]), f"{100 * least:g}"),
+        *(best, _percent([others[best]]) if best else ""),
+        *(_percent([lost]), _percent(right), _all(known)),
+        ", ".join(name for name, is_missed in missed.items() if is_missed),
+    )
 
 
 def ground_found(surface: SurfaceMap, ground: Float64) -> float:
@@ -347,11 +346,17 @@ def main(
     click.echo("\nF-scores\n")
     for line in lines(("scan", "how", "points", *(chosen or ALL)), summary(found)):
         click.echo(line)
-    click.echo()
-    grounds = [name for name in scans or SCANS if name in GROUND]
+    click.echo(
+        f"\nLevels: red costs at most {100 * MOST_LOST:g} and is right to {100 * LEAST_RIGHT:g}, "
+        f"at most {100 * MOST_LOWERED:g} of the known tops are lowered\n"
+    )
     reached = [levels(each) for each in by_sample(found).values() if DEFAULT in each]
-    for line in lines(LEVEL_HEAD, chain(*reached, _ground_levels(data, grounds, made))):
+    for line in lines(LEVEL_HEAD, reached):
         click.echo(line)
+    for name in scans or SCANS:
+        if name in GROUND:
+            share = _percent([_ground(data, name, made[DEFAULT])])
+            click.echo(f"\n{name}, whole: ground found {share}, at least {100 * LEAST_GROUND:g}")
     if target is not None:
         target.write_text(json.dumps([asdict(score) for score in found], indent=1))
 
@@ -381,16 +386,11 @@ def _samples(
                     yield way, features, list(samples)
 
 
-def _ground_levels(
-    data: Path, names: Sequence[str], made: Mapping[str, Pipeline]
-) -> Iterator[tuple[str, ...]]:
-    """Yield how much of the true ground is found in maps of whole airborne scans."""
-    for name in names:
-        points = SCANS[name].points(data)
-        whole = Sample(points, points, points, cell_of(points), [Keyframe(points)])
-        surface, _ = made[DEFAULT](whole)
-        found = ground_found(surface, read(data / "multilevel" / GROUND[name]))
-        yield _level(f"{name}, whole: ground found", LEAST_GROUND, found, at_least=True)
+def _ground(data: Path, name: str, pipeline: Pipeline) -> float:
+    """Return how much of the true ground is found in the map of a whole airborne scan."""
+    points = SCANS[name].points(data)
+    surface, _ = pipeline(Sample(points, points, points, cell_of(points), [Keyframe(points)]))
+    return ground_found(surface, read(data / "multilevel" / GROUND[name]))
 
 
 if __name__ == "__main__":
