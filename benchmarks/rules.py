@@ -40,7 +40,7 @@ DEFAULT = {
     "plaster.over_lower": "false",
     "pyramids.pits": "true",
 }
-# They belong together: a share of neighbours at a level needs more neighbours, and fewer for certain.
+# They belong together: with a share asked for, more neighbours count, and fewer must be there.
 _OF_MEDIAN = {f"median.{name}" for name in ("max_nb", "min_nb", "level", "min_share", "max_slope")}
 TUNED = (("bridge", "bridge-walls", "house", "planes", "planes-walls"), (11, 12))
 _OTHERS = (
