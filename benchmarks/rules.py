@@ -17,8 +17,11 @@ from mlscli.scoring import Score, score
 from mlscli.trials.quality import CELL_SIZE, flown, mapped
 
 THESIS = {
-    "median.max_nb": "16", "median.min_nb": "8",
-    "median.level": "0", "median.min_share": "0", "median.max_slope": "0",
+    "median.max_nb": "16",
+    "median.min_nb": "8",
+    "median.level": "0",
+    "median.min_share": "0",
+    "median.max_slope": "0",
     "median.recentre": "0",
     "walls.join": "0",
     "walls.along": "0",
@@ -29,8 +32,11 @@ THESIS = {
     "pyramids.pits": "false",
 }
 DEFAULT = {
-    "median.max_nb": "24", "median.min_nb": "4",
-    "median.level": "1 cell", "median.min_share": "0.3", "median.max_slope": "2",
+    "median.max_nb": "24",
+    "median.min_nb": "4",
+    "median.level": "1 cell",
+    "median.min_share": "0.3",
+    "median.max_slope": "2",
     "median.recentre": "0.75 cells",
     "walls.join": "2 cells",
     "walls.along": "3 cells",

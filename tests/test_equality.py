@@ -7,6 +7,7 @@ every stage.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,29 @@ from benchmarks.equality import RECORDED, SIZES, TILES, differ, part, rows
 from mlscli.building.builder import MapBuilder
 from mlscli.config import load
 from mlscli.keyframes.keyframe import Keyframe
+from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.stages.plaster import Plaster
+from mlscli.pipeline.stages.walls import Walls
 
 POINTS = 1200
 
 
+def closing_more(parameters: Parameters) -> Parameters:
+    """Return parameters with which gaps are closed whatever their ends are like."""
+    stages = []
+    for stage in parameters.pipeline:
+        if isinstance(stage, Walls):
+            stage = replace(stage, along=0, support=0)
+        elif isinstance(stage, Plaster):
+            stage = replace(stage, support=0, over_lower=True)
+        stages.append(stage)
+    return replace(parameters, pipeline=tuple(stages))
+
+
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_part_of_a_recorded_cloud_gives_one_map(shared_data: Path, name: str) -> None:
-    parameters = RECORDED[name].parameters
+    # In so few points no wide gap has evidence; without it, artificial patches are compared, too.
+    parameters = closing_more(RECORDED[name].parameters)
     xyz = part(RECORDED[name].points(shared_data), POINTS)
     assert len(xyz) == POINTS
     builder = MapBuilder(parameters)

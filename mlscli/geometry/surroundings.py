@@ -122,7 +122,19 @@ def planes(points: Float64, neighbours: int = 16) -> Planes:
 
 
 class Fitted(NamedTuple):
-    """Planes, each fitted to points; the attributes are those of `Planes`."""
+    """Planes, each fitted to points.
+
+    Attributes
+    ----------
+    middles : float64 (N, 3)
+        The mean of the points of each plane.
+    normals : float64 (N, 3)
+        Unit vectors, of either sign.
+    trust : float64 (N,)
+        0 to 1: how flat the points lie; 0 where they lie on a line.
+    variances : float64 (N, 3)
+        Along the normal, and along the two axes in the plane, ascending.
+    """
 
     middles: Float64
     normals: Float64
