@@ -102,42 +102,12 @@ def expect(value: object, kinds: Any, argument: str, expected: str) -> None:
 
 
 def expect_path(value: object, argument: str, what: str) -> None:
-    """Refuse what is not a path.
-
-    Parameters
-    ----------
-    value : object
-        The value of the argument.
-    argument : str
-        The name of the argument.
-    what : str
-        What lies there, in words.
-
-    Raises
-    ------
-    TypeError
-        Where the value is neither a text nor path-like.
-    """
+    """Refuse what is neither a text nor path-like; `what` lies there, in words. See `expect`."""
     expect(value, (str, os.PathLike), argument, f"the path of {what}")
 
 
 def expect_items(value: object, argument: str, expected: str) -> None:
-    """Refuse what cannot be iterated, and a text, whose items are letters; as `expect`.
-
-    Parameters
-    ----------
-    value : object
-        The value of the argument.
-    argument : str
-        The name of the argument.
-    expected : str
-        What would be right, in words.
-
-    Raises
-    ------
-    TypeError
-        Where the value is a text, or holds no items.
-    """
+    """Refuse what cannot be iterated, and a text, whose items are letters. See `expect`."""
     expect(value, Iterable, argument, expected)
     if isinstance(value, str):
         raise TypeError(f"`{argument}`: found the text {value!r}; expected {expected}")

@@ -25,9 +25,9 @@ from mlscli.io.reading.formats import FORMATS, Format, open_source, readable
 from mlscli.io.writing.flight_bag import write_bag
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.pipeline.stages.registry import STAGES
-from mlscli.pipeline.stages.stage import MapStage
+from mlscli.pipeline.stages.stage import MapStage, PointStage
 from mlscli.runtime.arrays import Float64
-from tests.helpers import references
+from tests.helpers import point_references, references
 from tests.helpers.pipelines import MAP_STAGES
 from tests.pipeline.stages.test_stages import STAGES as COMPARED
 
@@ -49,7 +49,8 @@ def table(page: str) -> list[str]:
 
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_has_a_reference_a_row_in_the_docs_and_a_comment_in_the_presets(name: str) -> None:
-    assert callable(getattr(references, name, None)), "tests/helpers/references.py"
+    home = point_references if issubclass(STAGES[name], PointStage) else references
+    assert callable(getattr(home, name, None)), home.__file__
     assert f"`{name}`" in table("stages.md"), "docs/stages.md"
     presets = preset_text("default") + preset_text("thesis")
     assert re.search(rf"^ *#.*\n(?: *#.*\n)* *(?:# ?)?- {name}\b", presets, re.MULTILINE), (

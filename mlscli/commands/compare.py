@@ -8,10 +8,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from mlscli.commands import report
-from mlscli.commands.options import PARTLY_READ, as_json
+from mlscli.commands.options import PARTLY_READ, as_json, refuse_given
 from mlscli.commands.reading import FormatsInHelp, read_points, reading
 from mlscli.errors import InputError, UsageError
 
@@ -104,22 +103,13 @@ def command(
         instead = "with a scan, --within" if scans else "against the truth it is half a cell"
         raise UsageError(f"--tolerance: goes with two maps; {instead}")
     if not scans:
-        _refuse_given("within", "flights", *selection)
+        refuse_given("goes with --cloud SCAN", "within", "flights", *selection)
     with _trouble(f"{map_file} and {other or truth or ', '.join(scans)}"):
         if other is not None:
             return _compare(map_file, other, tolerance or 0.0, as_json)
         if truth is not None:
             return _score(map_file, truth, as_json)
         return _score_scan(map_file, scans, selection, within, flights, as_json)
-
-
-def _refuse_given(*names: str) -> None:
-    """Refuse options that go with --cloud alone."""
-    context = click.get_current_context()
-    for option in context.command.params:
-        source = context.get_parameter_source(option.name or "")
-        if option.name in names and source is ParameterSource.COMMANDLINE:
-            raise UsageError(f"{option.opts[0]}: goes with --cloud SCAN")
 
 
 @contextmanager

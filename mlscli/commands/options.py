@@ -7,8 +7,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
-from mlscli.errors import with_options
+from mlscli.errors import UsageError, with_options
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -75,3 +76,26 @@ def say(message: str) -> None:
     Arguments in backquotes become options, as `mlscli.errors.with_options` has it.
     """
     click.echo(with_options(message), err=True)
+
+
+def refuse_given(why: str, *names: str) -> None:
+    """Refuse options that were given and do not go with others.
+
+    Parameters
+    ----------
+    why : str
+        What is wrong with giving them.
+    names : str
+        The names under which the command takes them.
+
+    Raises
+    ------
+    UsageError
+        Naming the first of them.
+    """
+    context = click.get_current_context()
+    for option in context.command.params:
+        source = context.get_parameter_source(option.name or "")
+        if option.name in names and source is ParameterSource.COMMANDLINE:
+            off = option.secondary_opts and context.params[option.name] is False
+            raise UsageError(f"{(option.secondary_opts if off else option.opts)[0]}: {why}")

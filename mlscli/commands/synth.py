@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
-from click.core import ParameterSource
 
 from mlscli.commands import report
-from mlscli.commands.options import PARTLY_READ, as_json, overwrite
+from mlscli.commands.options import PARTLY_READ, as_json, overwrite, refuse_given
 from mlscli.commands.reading import FormatsInHelp, Numbers, read_points, reading
 from mlscli.errors import UsageError, with_options
 
@@ -206,9 +205,9 @@ def command(
         click.echo(_scenes(as_json))
         return 0
     if clouds:
-        _refuse_given("belongs to a scene, and --cloud is a scan", *_OF_SCENES)
+        refuse_given("belongs to a scene, and --cloud is a scan", *_OF_SCENES)
     else:
-        _refuse_given("goes with --cloud SCAN", *_OF_SCANS, *selection)
+        refuse_given("goes with --cloud SCAN", *_OF_SCANS, *selection)
     from mlscli.scenes.flight import Craft
     from mlscli.scenes.noise import Noise
     from mlscli.scenes.surfaces import Scatter
@@ -237,22 +236,6 @@ def command(
     account["seconds"] = time.perf_counter() - begin
     click.echo(json.dumps(account, indent=2) if as_json else _text(account))
     return PARTLY_READ if account.get("lost") else 0
-
-
-def _refuse_given(why: str, *names: str) -> None:
-    """Refuse options that were given and do not go with others.
-
-    Raises
-    ------
-    UsageError
-        Naming the first of them.
-    """
-    context = click.get_current_context()
-    for option in context.command.params:
-        source = context.get_parameter_source(option.name or "")
-        if option.name in names and source is ParameterSource.COMMANDLINE:
-            off = option.secondary_opts and context.params[option.name] is False
-            raise UsageError(f"{(option.secondary_opts if off else option.opts)[0]}: {why}")
 
 
 def _scenes(as_json: bool) -> str:

@@ -5,12 +5,38 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mlscli.runtime.arrays import Float64
+import numpy as np
+
+from mlscli.errors import UsageError, expect
+from mlscli.runtime.arrays import Array, Float64
 
 FARTHEST = 1e8
 """The greatest absolute value of a coordinate; a point with a greater one is no measurement."""
 
 UNKNOWN_POSITION = (math.nan, math.nan, math.nan)
+
+
+def require_points(points: Array, argument: str) -> None:
+    """Refuse what is no array of points.
+
+    Parameters
+    ----------
+    points : (N, 3), of any numbers
+    argument : str
+        What errors call it.
+
+    Raises
+    ------
+    TypeError
+        Where it is no array.
+    UsageError
+        Where it has another shape, or holds no numbers.
+    """
+    expected = "points as an array of numbers (N, 3)"
+    expect(points, np.ndarray, argument, expected)
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
+        found = f"has shape {points.shape} and dtype {points.dtype}"
+        raise UsageError(f"`{argument}`: {found}; expected {expected}")
 
 
 @dataclass(frozen=True, eq=False)

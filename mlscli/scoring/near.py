@@ -13,8 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError, UsageError, expect
+from mlscli.keyframes.keyframe import require_points
 from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, cell_of, key_of, on_grid, pack
 from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
+from mlscli.pipeline.stages.point_grid import first_from
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64, UInt8, UInt64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
@@ -117,12 +119,7 @@ def seen_by(flight: Array, scan: Array, within: float) -> Bool:
 
 
 def _checked(points: Array, name: str) -> Float64:
-    expected = "points as an array of numbers (N, 3)"
-    expect(points, np.ndarray, name, expected)
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
-        raise UsageError(
-            f"`{name}`: has shape {points.shape} and dtype {points.dtype}; expected {expected}"
-        )
+    require_points(points, name)
     if not len(points):
         raise InputError(f"the {name} holds no points")
     if not np.isfinite(points).all():
@@ -153,7 +150,7 @@ def is_near(x: float, y: float, z: float, others: PointColumns, distance: float)
     box = box_around(x, x, y, y, distance, others.side)
     column = first_within(others.keys, 0, box)
     while column < len(start) - 1:
-        for i in range(_first_from(xyz, start[column], start[column + 1], low), start[column + 1]):
+        for i in range(first_from(xyz, start[column], start[column + 1], low), start[column + 1]):
             if xyz[i, 2] > high:
                 break
             dx, dy, dz = xyz[i, 0] - x, xyz[i, 1] - y, xyz[i, 2] - z
@@ -213,12 +210,6 @@ def first_within(keys: UInt64, column: int, box: _Box) -> int:
     return len(keys)
 
 
-@inner
-def _first_from(xyz: Float64, begin: int, end: int, z: float) -> int:
-    """Return the first of points `begin` to `end`, which ascend by height, that is not below z."""
-    return begin + int(np.searchsorted(xyz[begin:end, 2], z))
-
-
 def near_triangles(
     points: PointColumns, corners: Float64, group: UInt8, groups: int, distance: float
 ) -> Bool:
@@ -265,7 +256,7 @@ def _mark(
         column = first_within(points.keys, 0, box)
         while column < len(start) - 1:
             begin, end = start[column], start[column + 1]
-            for i in range(_first_from(xyz, begin, end, low), end):
+            for i in range(first_from(xyz, begin, end, low), end):
                 if xyz[i, 2] > high:
                     break
                 # Another thread may mark it meanwhile: nothing but True may be written.

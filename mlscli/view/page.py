@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.errors import OutputError, UsageError, expect, expect_path
+from mlscli.errors import OutputError, expect, expect_path
 from mlscli.io.writing.atomic import atomic_write
+from mlscli.keyframes.keyframe import require_points
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, height_scale
 from mlscli.runtime.arrays import Array, Float64
@@ -75,9 +76,7 @@ def write_page(
     expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
     expect(title, str, "title", "a text")
     if points is not None:
-        expect(points, np.ndarray, "points", "points as an array (N, 3)")
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise UsageError(f"`points`: found an array of shape {points.shape}; expected (N, 3)")
+        require_points(points, "points")
     shown = picture(surface, points)
     header, data = _pack(surface, shown, title)
     if len(data) > _LARGEST_BYTES:

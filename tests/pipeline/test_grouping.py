@@ -17,7 +17,7 @@ from mlscli.maps.merging import merge_maps
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Bool
-from tests.helpers import references
+from tests.helpers import point_references as references
 from tests.helpers.maps import (
     CELL,
     GAP,

@@ -24,7 +24,8 @@ from tests.helpers.maps import (
     patches_of,
     random_points,
 )
-from tests.helpers.references import apart, measured
+from tests.helpers.point_references import measured
+from tests.helpers.references import apart
 from tests.scoring.references import altered, on_a_surface
 
 LENGTH = 12

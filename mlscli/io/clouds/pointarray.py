@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mlscli.errors import UsageError
 from mlscli.io.clouds.pointfile import Content, PointFile
 from mlscli.io.source import Cloud
+from mlscli.keyframes.keyframe import require_points
 from mlscli.runtime.arrays import Array
 
 
@@ -30,11 +30,7 @@ class PointArray(PointFile):
 
     def __init__(self, points: Array) -> None:
         super().__init__(Path("array"))
-        if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
-            raise UsageError(
-                f"an array of points has shape {points.shape} and dtype {points.dtype}; "
-                "expected numbers of shape (N, 3)"
-            )
+        require_points(points, "sources")
         self._points = np.ma.filled(np.ma.array(points, dtype=np.float64, copy=True), np.nan)
 
     def _read(self) -> Content:

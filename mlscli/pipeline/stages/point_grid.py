@@ -215,8 +215,8 @@ def gather(
             for number in range(row + lowest, row + highest + 1):
                 begin, end = fine[number], fine[number + 1]
                 if end - begin > _SHORT_POINTS:
-                    begin = _first_from(xyz, begin, end, heights[0] - far)
-                    end = _first_from(xyz, begin, end, heights[1] + far)
+                    begin = first_from(xyz, begin, end, heights[0] - far)
+                    end = first_from(xyz, begin, end, heights[1] + far)
                     cut |= end - begin < fine[number + 1] - fine[number]
                 if size + end - begin >= near.shape[1]:
                     near = _wider(near, 2 * (size + end - begin))
@@ -240,7 +240,7 @@ def _wider(buffer: Float64, size: int) -> Float64:
 
 
 @inner
-def _first_from(xyz: Float64, begin: int, end: int, z: float) -> int:
+def first_from(xyz: Float64, begin: int, end: int, z: float) -> int:
     """Return the first of points `begin` to `end`, which ascend by height, that is not below z."""
     while begin < end:
         middle = (begin + end) // 2

@@ -12,7 +12,7 @@ import pytest
 from mlscli.keyframes.batches import Points
 from mlscli.parameters.lengths import Cells
 from mlscli.pipeline.stages.median import Median
-from tests.helpers import references
+from tests.helpers import point_references as references
 from tests.helpers.maps import random_points, symmetries, turned_points
 
 

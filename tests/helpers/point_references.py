@@ -1,0 +1,131 @@
+"""The rules for points as plain loops: slow, and obvious to read."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from mlscli.keyframes.batches import Points
+
+Point = tuple[float, float, float]
+
+
+def median(
+    points: Points,
+    nb_radius: float,
+    max_nb: int,
+    min_nb: int,
+    recentre: float = 0.0,
+    level: float = math.inf,
+    min_share: float = 0.0,
+) -> list[tuple[Point, int]]:
+    rows = [tuple(row) for row in points.xyz.tolist()]
+
+    def neighbours(i: int, z: float) -> list[float]:
+        """Return the heights that count for point i if it were at height z."""
+        x, y, _ = rows[i]
+        near = []
+        for j, (ox, oy, oz) in enumerate(rows):
+            dx, dy, dz = ox - x, oy - y, oz - z
+            squared = (dx * dx + dy * dy) + dz * dz
+            if i != j and squared <= nb_radius * nb_radius:
+                near.append((squared, oz))
+        near.sort()
+        return [oz for _, oz in (near[:max_nb] if max_nb else near)]
+
+    result = []
+    for i, (x, y, z) in enumerate(rows):
+        around = neighbours(i, z)
+        speak = [other for other in around if abs(other - z) <= level]
+        if len(speak) < max(min_nb, min_share * len(around)):
+            continue
+        heights = sorted([z, *neighbours(i, z)])
+        middle = heights[len(heights) // 2]
+        if 0 < recentre < abs(middle - z):
+            heights = sorted([middle, *neighbours(i, middle)])
+            middle = heights[len(heights) // 2]
+        result.append(((x, y, middle), int(points.keyframe[i])))
+    return result
+
+
+def along_slope(
+    points: Points, nb_radius: float, max_nb: int, max_slope: float
+) -> list[float | None]:
+    """Return the median heights of points along the slopes of their neighbours.
+
+    None: it is a matter of rounding whether they lie on a slope.
+    """
+    heights: list[float | None] = []
+    for i, place in enumerate(points.xyz):
+        offsets = np.delete(points.xyz, i, axis=0) - place
+        squared = (offsets * offsets).sum(axis=1)
+        near = squared <= nb_radius * nb_radius
+        if max_nb and near.sum() > max_nb:
+            near &= squared <= np.sort(squared)[max_nb - 1]
+        all_of_them = np.vstack((offsets[near], np.zeros(3)))
+        x, y, z = (all_of_them - all_of_them.mean(axis=0)).T
+        on_line = np.linalg.eigvalsh(np.cov(x, y)) if len(x) > 4 else np.zeros(2)
+        if on_line[0] <= 1e-9 * on_line[1]:
+            heights.append(float(place[2]))
+            continue
+        slope = np.linalg.lstsq(np.column_stack((x, y)), z, rcond=None)[0]
+        scatter = np.var(z - slope @ (x, y), ddof=1)
+        steep, upright = np.hypot(*slope) - max_slope, scatter - 2 * on_line[0]
+        if abs(steep) < 1e-3 or abs(upright) < 1e-3 * on_line[0]:
+            heights.append(None)
+        elif steep > 0 or upright > 0:
+            heights.append(float(place[2]))
+        else:
+            carried = all_of_them[:, 2] - all_of_them[:, :2] @ slope
+            heights.append(float(place[2] + np.sort(carried)[len(carried) // 2]))
+    return heights
+
+
+def measured(
+    points: Points, cell_size: float, gap_size: float, thickness: float
+) -> list[dict[str, float]]:
+    """Return a row for each measured patch."""
+    columns: dict[tuple[int, int], list[tuple[float, int]]] = {}
+    for (x, y, z), keyframe in zip(points.xyz.tolist(), points.keyframe.tolist(), strict=True):
+        cell = math.floor(x / cell_size), math.floor(y / cell_size)
+        columns.setdefault(cell, []).append((z, keyframe))
+    rows = []
+    for (ix, iy), column in sorted(columns.items()):
+        column.sort()
+        groups = [[column[0]]]
+        for lower, upper in pairwise(column):
+            if upper[0] - lower[0] > gap_size:
+                groups.append([])
+            groups[-1].append(upper)
+        for group in groups:
+            z = [height for height, _ in group]
+            bottom, top, count = z[0], z[-1], len(z)
+            above = 0.0
+            for height in z:
+                above += height - bottom
+            mean = min(top, bottom + above / count)
+            squares = 0.0
+            for height in z:
+                squares += (height - mean) ** 2
+            variance = squares / count
+            vertical = min(top - bottom, math.sqrt(12 * variance)) > thickness
+            rows.append(
+                {
+                    "ix": ix,
+                    "iy": iy,
+                    "height": top if vertical else mean,
+                    "depth": top - bottom if vertical else 0.0,
+                    "top": top,
+                    "bottom": bottom,
+                    "mean": mean,
+                    "variance": variance,
+                    "count": count,
+                    "origin": 0,
+                    "region": -1,
+                    "first_keyframe": min(keyframe for _, keyframe in group),
+                    "last_keyframe": max(keyframe for _, keyframe in group),
+                }
+            )
+    return rows
