@@ -56,9 +56,10 @@ def refuse_sources(target: Path, sources: Iterable[str | os.PathLike[str]]) -> N
     """
     for source in sources:
         if target.exists() and Path(source).exists():
-            place = Path(source).resolve()
-            if target.samefile(place) or target.resolve() in place.parents:
+            if target.samefile(source):
                 raise OutputError(f"{target}: is the source itself; choose another name")
+            if target.resolve() in Path(source).resolve().parents:
+                raise OutputError(f"{target}: holds the source {source}; choose another name")
 
 
 @contextmanager
