@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from mlscli.commands.maps import the_one_map
-from mlscli.commands.options import overwrite, say
+from mlscli.commands.options import overwrite
+from mlscli.commands.reading import read_points
 from mlscli.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
@@ -73,8 +74,6 @@ def command(
 
 def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
     """Return the points of recordings, read with the options that the map was built with."""
-    import numpy as np
-
     from mlscli.io.reading.recording import open_recording
 
     options = surface.meta.get("reading") or {}
@@ -83,10 +82,7 @@ def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
     except (TypeError, UsageError) as error:
         given = ", ".join(f"{name} {value}" for name, value in options.items())
         raise UsageError(f"--points: read as the map's recording was ({given}): {error}") from error
-    clouds = [keyframe.points for keyframe in recording.keyframes()]
-    for note in [*recording.notes, *recording.losses]:
-        say(f"mls: {note}")
-    return np.concatenate([np.empty((0, 3)), *clouds])
+    return read_points(recording)
 
 
 def _open(page: str) -> None:
