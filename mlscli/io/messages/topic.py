@@ -130,7 +130,7 @@ class TopicSource:
     def latest(self, wanted: Wanted = everything) -> Sequence[Cloud]:
         """Read the clouds of the last message of the topic that is wanted and can be read.
 
-        Only that one is decoded, if messages begin with their time.
+        Only that one is decoded, if messages begin with their time and it is not broken.
 
         Raises
         ------
@@ -152,13 +152,16 @@ class TopicSource:
                     last = number, message
         if last is None:
             return []
-        lost, self._skipped = self._lost, 0
+        came, lost, self._skipped = self._came, self._lost, 0
         clouds = self._clouds_of(*last)
         if self._lost > lost:
             # Of those before, the last one that can be read is found by reading all of them.
             for number, message in self._pass():
                 if number in chosen:
                     clouds = self._clouds_of(number, message) or clouds
+                if number == last[0]:
+                    break
+            self._came = came
         return clouds
 
     def _pass(self) -> Iterator[tuple[int, Message]]:

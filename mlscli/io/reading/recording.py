@@ -113,11 +113,11 @@ class Recording:
         if self._is_republished:
             yield (
                 f"{', '.join(self.labels)}: the same area is published again and again, at other "
-                "heights or places, and all of it is mapped; `latest` takes the last message "
-                "alone, `cumulative` drops only points that come again unchanged"
+                "heights or places, and mapped each time; `latest` takes the last message alone, "
+                "`cumulative` drops only points that come again unchanged"
             )
         if self._messages:
-            yield f"`latest`: of {self._messages:,} messages the last is taken, and no other read"
+            yield f"`latest`: the last message alone is taken, of {self._messages:,}"
         if self._cumulative and self.tally.points_read and not self.tally.dropped.get(REPEATED):
             yield "`cumulative`: nothing was dropped, as no point came again unchanged"
 
@@ -166,7 +166,7 @@ class Recording:
         UsageError
             `start` or `end` is given, and a keyframe has no time.
         """
-        known = False
+        known = self._is_republished = False
         watched = None if self._latest else Republished()
         for cloud in self._clouds(watched):
             known |= cloud.has_position
@@ -252,7 +252,7 @@ class Recording:
         elif tally.unplaced == tally.keyframes > 0:
             losses = f"; {self._out_of_reach()}{losses}"
         if self._messages and not self.losses:
-            losses = f"{losses}; it is the last of {self._messages:,} messages, `end` takes others"
+            losses = f"{losses}; it is the last message of {self._messages:,}, `end` takes others"
         if not tally.keyframes:
             where = " between `start` and `end`" if self._selection.by_time else ""
             return f"{sources}: holds no keyframes{where}{losses}"
@@ -428,7 +428,7 @@ def _check_latest(sources: Sequence[Source], *, cumulative: bool) -> None:
     for source in sources:
         if not source.topics():
             raise UsageError(
-                f"`latest`: {source.path} is a {source.kind}, which holds no messages; leave it out"
+                f"`latest`: {source.path} ({source.kind}) holds no messages; leave it out"
             )
 
 

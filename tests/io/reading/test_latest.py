@@ -65,7 +65,7 @@ def test_the_last_message_is_read_and_no_other(
         assert (recording.tally.points_read, recording.tally.keyframes) == (6, 1)
         assert recording.tally.dropped == {}
     assert recording.options == {"latest": True}
-    assert "`latest`: of 6 messages the last is taken, and no other read" in recording.notes
+    assert "`latest`: the last message alone is taken, of 6" in recording.notes
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_it_is_the_last_of_the_selection(
 ) -> None:
     recording = open_recording(write_bag(tmp_path / "bag", maps()), latest=True, **options)
     assert xs(recording) == [last] * (last + 1)
-    assert any(f"of {of} messages" in note for note in recording.notes)
+    assert any(note.endswith(f"alone is taken, of {of}") for note in recording.notes)
 
 
 def test_crop_and_up_are_those_of_any_cloud(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_markers_without_a_common_time_are_one_message(tmp_path: Path) -> None:
 
 
 def test_a_last_message_that_is_broken_is_a_loss_and_the_one_before_is_taken(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def sent(k: int, size: int) -> Told:
         fields = [
@@ -158,11 +158,24 @@ def test_a_last_message_that_is_broken_is_a_loss_and_the_one_before_is_taken(
         assert [lost in loss for loss in recording.losses] == [True] * bool(lost)
     with pytest.raises(InputError, match=r"holds no keyframes.*2 of 6 messages cannot be read"):
         xs(open_recording(tmp_path / "flight", latest=True, start=3.5))
+    # What can be read is sought among the messages selected, not to the end.
+    recording = open_recording(tmp_path / "flight", latest=True, end=2.0)
+    came, messages = [], TopicSource._messages
+
+    def counted(self: TopicSource, *of: Any) -> Any:
+        for message in messages(self, *of):
+            came.append(message)
+            yield message
+
+    monkeypatch.setattr(TopicSource, "_messages", counted)
+    assert xs(recording) == [1, 1]
+    assert len(came) == 6 + 3
 
 
 def test_a_last_message_without_points_is_an_error_that_says_what_helps(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", [*maps(3), Sent(np.empty((0, 3)), 9 * SECOND)])
-    with pytest.raises(InputError, match=r"holds no points; it is the last of 4 .*`end` takes"):
+    words = r"holds no points; it is the last message of 4, `end` takes others$"
+    with pytest.raises(InputError, match=words):
         xs(open_recording(bag, latest=True))
     assert xs(open_recording(bag, latest=True, end=8.0)) == [2] * 3
 
@@ -170,7 +183,7 @@ def test_a_last_message_without_points_is_an_error_that_says_what_helps(tmp_path
 def test_what_has_no_messages_is_refused(tmp_path: Path) -> None:
     bag, cloud = write_bag(tmp_path / "bag", maps()), text(tmp_path, "1 2 3 0\n4 5 6 1\n")
     for sources in ((cloud,), (bag, cloud), (np.ones((2, 3)),)):
-        with pytest.raises(UsageError, match=r"^`latest`: .* is a[n]? [a-z ]+, which holds no me"):
+        with pytest.raises(UsageError, match=r"^`latest`: .+ \((text cloud|array)\) holds no mess"):
             open_recording(*sources, latest=True)
     with pytest.raises(UsageError, match=r"^`latest`: does not go with `cumulative`"):
         open_recording(bag, latest=True, cumulative=True)
