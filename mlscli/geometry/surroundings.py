@@ -127,13 +127,14 @@ class Fitted(NamedTuple):
     Attributes
     ----------
     middles : float64 (N, 3)
-        The mean of the points of each plane.
+        The mean of the points of each plane, which it runs through.
     normals : float64 (N, 3)
-        Unit vectors, of either sign.
+        Unit normals, to either side of the plane.
     trust : float64 (N,)
-        0 to 1: how flat the points lie; 0 where they lie on a line.
+        From 1, where the points lie in the plane, down to 0, where they form no plane.
     variances : float64 (N, 3)
-        Along the normal, and along the two axes in the plane, ascending.
+        Of the points along the normal, then along the shorter and the longer side of the plane,
+        in the square of the unit of the recording.
     """
 
     middles: Float64
@@ -156,6 +157,8 @@ def fit_planes(around: Float64) -> Fitted:
 
 def chosen(points: Float64, size: int) -> Float64:
     """Return `size` points (or all, where there are fewer), chosen by a hash of coordinates.
+
+    In less time than `PointSample` takes, but equal points are chosen together.
 
     Parameters
     ----------

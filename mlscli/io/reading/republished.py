@@ -50,9 +50,8 @@ _MOVED, _MESSAGES = 0.25, 0.15
 # and by so many times the standard error of that mean.
 _ASIDE, _SIGNIFICANT = 0.25, 4.0
 # As many points around one make a plane, and as many around that one move together; of these,
-# most must be near planes of one orientation.
-_PLANE, _TOGETHER, _AGREEING = 16, 8, 6
-_FLAT = 0.1
+# most must be near planes of one orientation, which are trusted at least so far.
+_PLANE, _TOGETHER, _AGREEING, _FLAT = 16, 8, 6, 0.1
 
 
 class Republished:
@@ -96,8 +95,10 @@ class Republished:
         )
 
     def _close(self) -> None:
-        """Take the message whose parts have come."""
-        points = self._parts[0] if len(self._parts) == 1 else np.concatenate([_NONE, *self._parts])
+        """Take the message whose parts have come, if any have."""
+        if not self._parts:
+            return
+        points = self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
         self._parts = []
         size = len(points)
         self._shrunk += size < _SHRUNK * self._most
@@ -133,7 +134,7 @@ class _Sample(NamedTuple):
     axis : int
     low, high : float
         A slab: bounds of one coordinate, inclusive.
-    crowd : float64 (M, 3)
+    crowd : float64 (K, 3)
         From the slab, where twins are looked for.
     is_repeated : bool or None
         Whether the next message repeats this one; None where none has come.
@@ -173,8 +174,9 @@ class _Sample(NamedTuple):
         # Searched but once: a tree that is made faster is better than one that is searched faster.
         tree = cKDTree(others, balanced_tree=False, compact_nodes=False)
         distances, nearest = tree.query(self.crowd, k=min(_SHIFTS, len(others)))
-        if not shifted or _are_twins(distances):
-            return _are_twins(distances)
+        has_twins = _are_twins(distances)
+        if has_twins or not shifted:
+            return has_twins
         # All may have moved by more than they are apart, and then alike.
         shifts = (others[nearest] - self.crowd[:, None]).reshape(-1, 3)
         alike = _ALIKE * float(np.median(distances[:, -1]))
@@ -275,6 +277,3 @@ def _measured(points: Float64) -> Float64:
     """Return the points (N, 3) that are finite and not beyond `FARTHEST`, without -0.0."""
     inside = (np.abs(points) <= FARTHEST).all(axis=1)
     return (points if inside.all() else points[inside]) + 0.0
-
-
-_NONE = np.empty((0, 3))

@@ -18,6 +18,7 @@ import pytest
 from mlscli.io.reading.recording import open_recording
 from mlscli.io.reading.republished import Republished
 from mlscli.runtime.arrays import Float64
+from tests.helpers import craft
 from tests.helpers.bags import Sent, write_bag
 from tests.helpers.published import Clouds, published, room, scans
 from tests.helpers.texts import text
@@ -197,8 +198,14 @@ def test_keyframes_of_one_message_are_one_map(tmp_path: Path) -> None:
 
 def test_clouds_of_a_sensor_and_of_files_are_not_looked_at(tmp_path: Path) -> None:
     clouds = published(12, falls, points=800)
-    rows = [f"{x} {y} {z} {k}" for k, cloud in enumerate(clouds) for x, y, z in cloud.tolist()]
+    rows = [f"{x} {y} {z} {k}" for k, c in enumerate(clouds) for x, y, z in c.tolist()]
     assert not notes_of(text(tmp_path, "\n".join(rows)))
+    told = [*craft.moving(), *(craft.cloud(k / 3, "base_link", c) for k, c in enumerate(clouds))]
+    recording = craft.opened(tmp_path, told)
+    assert [len(points) for points in craft.clouds_of(recording)] == [len(c) for c in clouds]
+    assert not any("published again" in note for note in recording.notes)
+    # Where the sensor is said to stand still, they are.
+    assert notes_of(tmp_path / "flight", frame="base_link")
 
 
 @pytest.mark.parametrize(
