@@ -25,8 +25,8 @@ MAX_SCAN_POINTS = 20_000_000
 _HELD = 8
 # Standard deviations off its plane up to which a disc hides nothing.
 _DEPTH = 3.0
-# A disc's depth is at least this share of its radius.
-_FLATTEST = 0.01
+# A disc's depth is at least this share of its radius; and its radius at least this, in any unit.
+_FLATTEST, _LEAST = 0.01, 1e-100
 # A stray's surroundings reach this many times as far as those of the points nearest to it.
 _STRAY, _NEAREST = 4.0, 6
 # The texture of a plane. What varies in all directions has 1 more.
@@ -107,6 +107,8 @@ class Scan:
         usual = _usual(xyz, around.reach)
         stray = around.reach > _STRAY * usual
         radius = math.sqrt(_HELD / NEIGHBOURS) * np.where(stray, usual, around.reach)
+        # Of points so close together that the square of their distance is 0.
+        radius = np.maximum(radius, _LEAST)
         # A plane takes three degrees of freedom.
         depth = _DEPTH * np.sqrt(across * ((NEIGHBOURS + 1) / (NEIGHBOURS - 2)))
         return cls(
@@ -132,7 +134,7 @@ class Scan:
     @property
     def area(self) -> Float64:
         """How large the piece of surface is that each point stands for, relatively, (N,)."""
-        return np.maximum(self.radius, 1e-100) ** 2
+        return self.radius**2
 
     @cached_property
     def discs(self) -> Discs:

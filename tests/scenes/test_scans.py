@@ -12,7 +12,10 @@ import pytest
 from mlscli.errors import UsageError
 from mlscli.runtime.arrays import Float64
 from mlscli.scenes.discs import sights
+from mlscli.scenes.noise import Noise
+from mlscli.scenes.scan_flight import fly_scan
 from mlscli.scenes.scans import Scan
+from mlscli.scenes.surfaces import Scatter
 from tests.scenes.clouds import level, upright
 
 
@@ -105,6 +108,16 @@ def test_neither_order_nor_repetitions_nor_signs_of_zero_change_a_scan() -> None
 
 def test_a_survey_s_usual_height_is_a_tenth_of_the_width() -> None:
     assert Scan.of("a", level(20000, (0, 40), (0, 10), 0.0)).usual_height == 2.0
+
+
+def test_points_whose_distances_are_0_when_squared_make_a_scan_all_the_same() -> None:
+    here, ground = level(50, (1e-200, 2e-200), (0, 1e-200), 0.0), level(500, (0, 10), (0, 10), 0.0)
+    for points in (here, np.concatenate((here, ground))):
+        scan = Scan.of("near", points)
+        assert (scan.radius > 0).all()
+        flight = fly_scan(scan, 20, Noise(sigma=Scatter(0, 0), salt_pepper=0), survey=True)
+        assert flight.points >= 20
+        assert flight.seen > 0.95
 
 
 @pytest.mark.parametrize("count", [0, 1, 12])
