@@ -18,7 +18,7 @@ from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import WORTHWHILE, in_ranges
 
-# At most about this many boxes for each disc, and never fewer boxes than the second in all.
+# At most this many boxes for each disc, or the second in all if that is more.
 _BOXES_EACH, _BOXES = 2.0, 100_000
 # Into how many boxes a disc may reach on average.
 _REACHED = 30.0
@@ -34,7 +34,7 @@ class Discs(NamedTuple):
     centre, normal : float64 (N, 3)
         Centres, in the unit of the scan, and unit normals to either side.
     radius, depth : float64 (N,)
-        Radii, and how near to its plane a disc hides nothing, in the unit of the scan.
+        Radii above 0, and how near to its plane a disc hides nothing, in the unit of the scan.
     low : float64 (3,)
         The lowest corner of the grid.
     side : float
@@ -70,17 +70,14 @@ def discs(centre: Float64, normal: Float64, radius: Float64, depth: Float64) -> 
     low, high = (centre - radius[:, None]).min(axis=0), (centre + radius[:, None]).max(axis=0)
     extent = high - low
     most = max(_BOXES, _BOXES_EACH * len(centre))
-    side = max(2 * float(np.median(radius)), float(extent.max()) / 2**20, 1e-9)
+    side = max(2 * float(np.median(radius)), float(extent.max()) / 2**20)
     while (
         float(np.prod(np.floor(extent / side) + 1)) > most
         or float(((2 * radius / side + 1) ** 3).mean()) > _REACHED
     ):
         side *= 1.25
     shape = (extent / side).astype(np.int64) + 1
-    boxes = int(np.prod(shape))
-    ends = [0, *np.cumsum(_count(centre, radius, low, side, shape, boxes)).tolist()]
-    start = np.array(ends, dtype=np.int64)
-    members = _fill(centre, radius, low, side, shape, start)
+    start, members = _sorted(centre, radius, low, side, shape)
     return Discs(centre, normal, radius, depth, low, side, shape, start, members)
 
 
@@ -145,69 +142,54 @@ def _box(place: float, low: float, side: float, count: int) -> int:
     return min(max(math.floor((place - low) / side), 0), count - 1)
 
 
-@kernel
-def _count(
-    centre: Float64, radius: Float64, low: Float64, side: float, shape: Int64, boxes: int
-) -> Int64:
-    """Return how many discs reach into each box, int64 (boxes,).
+@inner
+def boxes_around(
+    centre: Float64, radius: float, low: Float64, side: float, shape: Any
+) -> tuple[int, int, int, int, int, int]:
+    """Return which boxes a disc may reach into: i, j and k of the first, and one past the last.
 
     Parameters
     ----------
-    centre, radius, low, side, shape
+    centre : float64 (3,)
+        Centre of the disc.
+    radius : float
+        Its radius.
+    low, side, shape
         As in `Discs`.
-    boxes : int
-        How many there are.
     """
-    count = np.zeros(boxes, dtype=np.int64)
-    for n in range(len(centre)):
-        r = radius[n]
-        for i in range(
-            _box(centre[n, 0] - r, low[0], side, shape[0]),
-            _box(centre[n, 0] + r, low[0], side, shape[0]) + 1,
-        ):
-            for j in range(
-                _box(centre[n, 1] - r, low[1], side, shape[1]),
-                _box(centre[n, 1] + r, low[1], side, shape[1]) + 1,
-            ):
-                for k in range(
-                    _box(centre[n, 2] - r, low[2], side, shape[2]),
-                    _box(centre[n, 2] + r, low[2], side, shape[2]) + 1,
-                ):
-                    count[(i * shape[1] + j) * shape[2] + k] += 1
-    return count
+    return (
+        _box(centre[0] - radius, low[0], side, shape[0]),
+        _box(centre[1] - radius, low[1], side, shape[1]),
+        _box(centre[2] - radius, low[2], side, shape[2]),
+        _box(centre[0] + radius, low[0], side, shape[0]) + 1,
+        _box(centre[1] + radius, low[1], side, shape[1]) + 1,
+        _box(centre[2] + radius, low[2], side, shape[2]) + 1,
+    )
 
 
 @kernel
-def _fill(
-    centre: Float64, radius: Float64, low: Float64, side: float, shape: Int64, start: Int64
-) -> Int32:
-    """Return the members of all boxes, int32 (M,).
-
-    Parameters
-    ----------
-    centre, radius, low, side, shape, start
-        As in `Discs`.
-    """
-    members = np.empty(start[-1], dtype=np.int32)
-    place = start.copy()
+def _sorted(
+    centre: Float64, radius: Float64, low: Float64, side: float, shape: Int64
+) -> tuple[Int64, Int32]:
+    """Return `start` and `members` of all boxes; both, and the parameters, are as in `Discs`."""
+    count = np.zeros(1 + shape[0] * shape[1] * shape[2], dtype=np.int64)
     for n in range(len(centre)):
-        r = radius[n]
-        for i in range(
-            _box(centre[n, 0] - r, low[0], side, shape[0]),
-            _box(centre[n, 0] + r, low[0], side, shape[0]) + 1,
-        ):
-            for j in range(
-                _box(centre[n, 1] - r, low[1], side, shape[1]),
-                _box(centre[n, 1] + r, low[1], side, shape[1]) + 1,
-            ):
-                for k in range(
-                    _box(centre[n, 2] - r, low[2], side, shape[2]),
-                    _box(centre[n, 2] + r, low[2], side, shape[2]) + 1,
-                ):
+        a, b, c, d, e, f = boxes_around(centre[n], radius[n], low, side, shape)
+        for i in range(a, d):
+            for j in range(b, e):
+                for k in range(c, f):
+                    count[1 + (i * shape[1] + j) * shape[2] + k] += 1
+    start = np.cumsum(count)
+    members, place = np.empty(start[-1], dtype=np.int32), start.copy()
+    for n in range(len(centre)):
+        a, b, c, d, e, f = boxes_around(centre[n], radius[n], low, side, shape)
+        for i in range(a, d):
+            for j in range(b, e):
+                for k in range(c, f):
                     box = (i * shape[1] + j) * shape[2] + k
                     members[place[box]] = n
                     place[box] += 1
-    return members
+    return start, members
 
 
 @kernel

@@ -13,6 +13,7 @@ import numpy as np
 
 from mlscli.runtime.arrays import Bool, Float64, Int64
 from mlscli.runtime.kernels import kernel
+from mlscli.scenes.discs import boxes_around
 from mlscli.scenes.scans import Scan
 
 # How many boxes and places there are at most.
@@ -58,8 +59,8 @@ def find_places(scan: Scan) -> Places:
         side *= 1.1
     low = least - _MARGIN * side
     shape = np.floor((high - least) / side).astype(np.int64) + 1 + 2 * _MARGIN
-    taken, kept = np.zeros(tuple(shape), dtype=np.bool_), ~scan.stray
-    _take(taken, scan.foot[kept], scan.normal[kept], scan.radius[kept], low, side)
+    taken, solid = np.zeros(tuple(shape), dtype=np.bool_), scan.discs
+    _take(taken, solid.centre, solid.normal, solid.radius, low, side)
     clearance = distance_transform_edt(~taken)
     below = np.logical_or.accumulate(taken, axis=2)
     above = np.logical_or.accumulate(taken[:, :, ::-1], axis=2)[:, :, ::-1]
@@ -148,19 +149,14 @@ def _take(
     # A plane runs through a box if its middle is no farther away: half a diagonal.
     diagonal = math.sqrt(0.75) * side
     for n in range(len(centre)):
-        r = radius[n]
-        begin = np.empty(3, dtype=np.int64)
-        end = np.empty(3, dtype=np.int64)
-        for axis in range(3):
-            most = taken.shape[axis] - 1
-            begin[axis] = min(max(math.floor((centre[n, axis] - r - low[axis]) / side), 0), most)
-            end[axis] = min(max(math.floor((centre[n, axis] + r - low[axis]) / side), 0), most)
-        for i in range(begin[0], end[0] + 1):
+        far = radius[n] + diagonal
+        a, b, c, d, e, f = boxes_around(centre[n], radius[n], low, side, taken.shape)
+        for i in range(a, d):
             x = low[0] + (i + 0.5) * side - centre[n, 0]
-            for j in range(begin[1], end[1] + 1):
+            for j in range(b, e):
                 y = low[1] + (j + 0.5) * side - centre[n, 1]
-                for k in range(begin[2], end[2] + 1):
+                for k in range(c, f):
                     z = low[2] + (k + 0.5) * side - centre[n, 2]
                     off = normal[n, 0] * x + normal[n, 1] * y + normal[n, 2] * z
-                    if abs(off) <= diagonal and x * x + y * y + z * z <= (r + diagonal) ** 2:
+                    if abs(off) <= diagonal and x * x + y * y + z * z <= far * far:
                         taken[i, j, k] = True
