@@ -161,7 +161,7 @@ def fly(
             samples.surface,
             poses.position,
             poses.direction,
-            craft.field_of_view,
+            craft.cosine,
             reach,
         )
     else:

@@ -78,7 +78,7 @@ def first_seen(
     surface: Int32,
     cameras: Float64,
     directions: Float64,
-    field_of_view: float,
+    cosine: float,
     reach: float,
 ) -> Int32:
     """Return the number of the first camera that sees each point, int32 (N,); -1: none.
@@ -93,8 +93,8 @@ def first_seen(
         Index of the surface that each point is on, which does not hide the point.
     cameras, directions : float64 (K, 3)
         Positions of the cameras, in the order of time, and unit vectors along which they look.
-    field_of_view : float
-        The whole angle of the cone that a camera sees, in degrees.
+    cosine : float
+        Cosine of half the field of view.
     reach : float
         How far a camera sees, in the unit of the scene.
     """
@@ -102,7 +102,6 @@ def first_seen(
     # Squares as wide as a camera sees: a point's square and the eight around it hold all cameras
     # that may see it.
     nearby = _squares(cameras[:, :2], cameras[:, :2], reach)
-    cosine = math.cos(math.radians(min(field_of_view, 360.0) / 2))
     first = np.empty(len(points), dtype=np.int32)
 
     def work(begin: int, end: int) -> None:
@@ -188,10 +187,8 @@ def _first_seen(
     points : float64 (N, 3)
     surface : int32 (N,)
     cameras, directions : float64 (K, 3)
-    reach : float
+    cosine, reach : float
         As in `first_seen`.
-    cosine : float
-        Cosine of half the field of view.
     nearby : Squares
         The cameras by squares whose side is at least `reach`.
     walls : Obstacles

@@ -46,6 +46,10 @@ def sees(
     return not any(hides(surface, camera, point, openings) for surface in others)
 
 
+def cosine(angle: float) -> float:
+    return math.cos(math.radians(angle / 2))
+
+
 def cases() -> Iterator[tuple[Scene, Float64, Int32, Float64, Float64, float, float]]:
     rng = np.random.default_rng(11)
     for _ in range(40):
@@ -61,7 +65,7 @@ def cases() -> Iterator[tuple[Scene, Float64, Int32, Float64, Float64, float, fl
 def test_the_first_camera_that_sees_a_point_is_the_one_plain_loops_find() -> None:
     outcomes: dict[str, int] = {"seen": 0, "unseen": 0, "through": 0, "hidden": 0}
     for scene, points, surface, cameras, directions, angle, reach in cases():
-        found = first_seen(scene, points, surface, cameras, directions, angle, reach)
+        found = first_seen(scene, points, surface, cameras, directions, cosine(angle), reach)
         for i, point in enumerate(points):
             looks = [
                 (scene, camera, direction, angle, reach, point, int(surface[i]))
@@ -84,7 +88,9 @@ def test_in_a_village_of_many_surfaces_none_is_overlooked() -> None:
     rng = np.random.default_rng(2)
     cameras = rng.uniform((-9, -9, 0.2), (9, 9, 2.5), (12, 3))
     directions = np.tile([1.0, 0.0, 0.0], (12, 1))
-    found = first_seen(scene, samples.xyz, samples.surface, cameras, directions, 200.0, 12.0)
+    found = first_seen(
+        scene, samples.xyz, samples.surface, cameras, directions, cosine(200.0), 12.0
+    )
     chosen = rng.choice(len(samples.xyz), 150, replace=False)
     for i in chosen:
         expected = [
@@ -104,7 +110,9 @@ def look_down(scene: Scene, points: Float64, surface: int, height: float = 2.0) 
     numbers = np.full(len(points), surface, dtype=np.int32)
     down = np.array([[0.0, 0.0, -1.0]])
     camera = np.array([[0.0, 0.0, height]])
-    found: list[int] = first_seen(scene, points, numbers, camera, down, 120.0, 10.0).tolist()
+    found: list[int] = first_seen(
+        scene, points, numbers, camera, down, cosine(120.0), 10.0
+    ).tolist()
     return found
 
 
@@ -133,7 +141,7 @@ def test_threads_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     for processors in (1, 3):
         monkeypatch.setattr(mlscli.runtime.threads, "processors", lambda n=processors: n)
         found.append(
-            first_seen(scene, samples.xyz, samples.surface, cameras, directions, 120.0, 9.0)
+            first_seen(scene, samples.xyz, samples.surface, cameras, directions, cosine(120.0), 9.0)
         )
     assert np.array_equal(found[0], found[1])
     assert len(np.unique(found[0])) > 3
