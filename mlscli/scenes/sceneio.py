@@ -162,19 +162,19 @@ def parse_scene(text: str, name: str) -> Scene:
     ConfigError
         Where the scene is at fault; lists every fault in it.
     """
-    return _parsed(text, name, _SceneReader.scene)
+    return _parsed(
+        text, name, lambda reader, root, whole: reader.scene(root, whole, Path(name).stem)
+    )
 
 
-def _parsed(
-    text: str, name: str, read: Callable[[_SceneReader, Node | None, Place, str], Read]
-) -> Read:
+def _parsed(text: str, name: str, read: Callable[[_SceneReader, Node | None, Place], Read]) -> Read:
     """Return what is read from a text in YAML; raise ConfigError with every fault in it."""
     try:
         root, faults = read_yaml(text, name)
     except UnreadableYaml as error:
         raise ConfigError([str(error.fault)]) from error
     reader = _SceneReader(faults)
-    found = read(reader, root, Place(name, 1, 1), Path(name).stem)
+    found = read(reader, root, Place(name, 1, 1))
     if reader.faults:
         ordered = sorted(reader.faults, key=lambda fault: fault.place[1:])
         raise ConfigError([str(fault) for fault in ordered])
@@ -208,7 +208,7 @@ class _SceneReader:
         legs = self.items(parts.get("legs"), "legs")
         return scene.with_legs(*filter(None, [self.leg(item) for item in legs]))
 
-    def route(self, root: Node | None, whole: Place, name: str) -> tuple[Leg, ...]:  # noqa: ARG002
+    def route(self, root: Node | None, whole: Place) -> tuple[Leg, ...]:
         """Return the legs of a list, or of the list under the key `legs`."""
         found: Node | None = root
         if isinstance(root, MapNode):
