@@ -39,11 +39,10 @@ from mlscli.commands.options import configured
 from mlscli.config import load
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.mesh import build_mesh
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.runtime.arrays import Float64
-from mlscli.scoring import ColumnScore, MeshScore, Share, score_columns, score_mesh
+from mlscli.scoring import ColumnScore, MeshScore, Share, score_columns, score_mesh, score_scan
 from mlscli.scoring.kernels import nearby, nearest
 
 SHOWN = (4, 5, 6)
@@ -168,12 +167,9 @@ def made_of(
         return cell, score, None, None
     surface, scale = chosen[what](sample)
     scaled, evidence, within = scale * scan, scale * sample.evidence, scale * within
-    return (
-        surface.cell_size / scale,
-        score_mesh(build_mesh(surface), scaled, within, whole=True),
-        score_columns(surface, scaled, within),
-        score_columns(surface, evidence, within),
-    )
+    scored = score_scan(surface, scaled, within, whole=True)
+    known = score_columns(surface, evidence, within)
+    return surface.cell_size / scale, scored.mesh, scored.columns, known
 
 
 # --- the tables ---

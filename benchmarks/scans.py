@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.io.reading.recording import open_recording
+from mlscli.keyframes.batches import gather
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Float64, Int64
 from mlscli.scenes import scans as scenes
-from mlscli.scenes.noise import Chances, Noise, displace
+from mlscli.scenes.noise import Chances, Noise, are_wrong, displace
 from mlscli.scenes.scan_flight import fly_scan
 from mlscli.scenes.surfaces import Scatter
 
@@ -74,8 +75,7 @@ GROUND = {
 
 def read(*files: Path, up: str = "z") -> Float64:
     """Return the points of files, float64 (N, 3), turned so that an axis of them points up."""
-    recording = open_recording(*files, up=up)
-    return np.concatenate([keyframe.points for keyframe in recording.keyframes()])
+    return gather(open_recording(*files, up=up)).points.xyz
 
 
 class Sample(NamedTuple):
@@ -170,15 +170,14 @@ def flown(scan: Float64, features: int, seed: int) -> tuple[Sample, Sample]:
     exact = Noise(sigma=Scatter(0.0, 0.0), salt_pepper=0.0)
     flight = fly_scan(surfaces, features, exact, seed=seed)
     sizes = [len(keyframe.points) for keyframe in flight.keyframes]
-    clean = np.concatenate([keyframe.points for keyframe in flight.keyframes])
+    clean = gather(flight.keyframes).points.xyz
     cell, heights, rng = cell_of(clean), _heights(scan), np.random.default_rng(seed)
     noisy, evidence = _scattered(clean, cell, heights, rng)
     cameras = np.repeat([keyframe.position for keyframe in flight.keyframes], sizes, axis=0)
     sigma = np.full((len(clean), 2), SIGMA * cell) * (SIDEWAYS, 1.0)
     slam, chances = Noise("slam", salt_pepper=COARSE, reference=flight.range), Chances(seed)
     seen = displace(clean, cameras, sigma, slam, chances)
-    # As `displace` draws them.
-    right = chances.of("salt and pepper").random(len(clean)) >= COARSE
+    right = ~are_wrong(len(clean), slam, chances)
     right[_spread(seen, heights, rng)] = False
 
     def keyframes(points: Float64) -> list[Keyframe]:

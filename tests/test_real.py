@@ -82,6 +82,12 @@ def test_a_flight_sees_a_scan_with_either_noise() -> None:
     far = distance > np.median(distance)
     typical = [np.median(np.abs(error[half])) / cell for half in (~far, far)]
     assert typical[0] < 0.6745 / 4 * 1.2 < typical[1]
+    # What is known is right: without it, a wrong depth or height would count as an error.
+    known = {tuple(row) for row in slam.evidence.tolist()}
+    right = np.array([tuple(row) in known for row in slam.clean.tolist()])
+    relative = (distance / np.median(distance)) ** 2
+    assert (error[right] / relative[right]).std() == pytest.approx(cell / 4, rel=0.1)
+    assert (error[~right] / relative[~right]).std() > cell
     across = np.linalg.norm(np.cross(slam.noisy - slam.clean, ray), axis=1) / distance
     assert np.median(across) < 0.8 * np.median(np.abs(error))
 

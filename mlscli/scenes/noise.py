@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from mlscli.errors import UsageError
-from mlscli.runtime.arrays import Float64
+from mlscli.runtime.arrays import Bool, Float64
 from mlscli.scenes.surfaces import Scatter
 
 SALT_PEPPER_FACTOR = 5.0
@@ -92,6 +92,16 @@ class Chances:
         return np.random.default_rng([self.seed, *purpose.encode()])
 
 
+def are_wrong(size: int, noise: Noise, chances: Chances) -> Bool:
+    """Return which of so many points `displace` gives salt and pepper, or a wrong correspondence.
+
+    Returns
+    -------
+    bool (size,)
+    """
+    return chances.of("salt and pepper").random(size) < noise.salt_pepper
+
+
 def displace(
     xyz: Float64, cameras: Float64, sigma: Float64, noise: Noise, chances: Chances
 ) -> Float64:
@@ -115,7 +125,7 @@ def displace(
     float64 (N, 3)
     """
     gauss = chances.of("scatter").standard_normal(xyz.shape)
-    wrong = chances.of("salt and pepper").random(len(xyz)) < noise.salt_pepper
+    wrong = are_wrong(len(xyz), noise, chances)
     if noise.kind == "thesis":
         vertical = sigma[:, 1] * np.where(wrong, SALT_PEPPER_FACTOR, 1.0)
         moved: Float64 = xyz + gauss * np.column_stack((sigma[:, 0], sigma[:, 0], vertical))
