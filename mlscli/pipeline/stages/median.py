@@ -18,6 +18,10 @@ compared along the slope on which the neighbours lie (see `mlscli.pipeline.stage
 the distance of the last that counts count as well. Where they lie on no slope up to that one, along
 walls, trunks and poles, the point keeps its height: a median would move the ends of what is upright
 towards its middle.
+
+Points that lie close together share one search: all candidates are collected once. Where only the
+nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours: even
+in a dense cloud, each point is compared with few others.
 """
 
 from __future__ import annotations
@@ -42,7 +46,7 @@ from mlscli.runtime.threads import in_ranges
 # At most so many points of a fine column, one above the other, share a search.
 _TOGETHER = 16
 # How much farther than the last points' neighbours the next ones are sought at first.
-FIRST_MARGIN = 1.4
+_FIRST_MARGIN = 1.4
 # The search begins with no less than the radius divided by this.
 _NEAREST = 64
 # The mask that stands for all points.
@@ -244,7 +248,7 @@ def _filter_together(
     radius, max_nb = rule.radius, rule.max_nb
     low, high = xyz[first, 2], xyz[last - 1, 2]
     # Where points coincide, `reached` may be 0.
-    distance = min(max(FIRST_MARGIN * reached, radius / _NEAREST), radius)
+    distance = min(max(_FIRST_MARGIN * reached, radius / _NEAREST), radius)
     if max_nb == 0:
         distance = radius
     near, size, own, cut = gather(grid, around, (first, last), (low, high), distance, near)

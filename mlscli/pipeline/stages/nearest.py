@@ -1,8 +1,8 @@
 """The nearest neighbours of a point, found in a buffer of the points around it.
 
-Points that lie close together share one search: all candidates are collected once. Where only the
-nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours and
-grows until it has found enough: even in a dense cloud, each point is compared with few others.
+Where only the nearest count and the buffer has too few, the search grows until it has found enough.
+Equal distances are told apart by height, so that the neighbours do not depend on the order of the
+points.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from mlscli.runtime.arrays import Float64, Int64
 from mlscli.runtime.kernels import inner
 
 # How much the search grows where it finds too few.
-RETRY_GROWTH = 1.5
+_RETRY_GROWTH = 1.5
 # Trials to find a limit within which exactly `max_nb` points lie; with equal distances none may.
 _TRIALS = 12
 # At most so many heights are sorted faster without a branch.
@@ -85,7 +85,7 @@ def neighbours(
         n, limit = _nearest(near, size, limit, max_nb)
         if whole or 0 < max_nb <= n:
             return near, size, n, limit
-        distance *= RETRY_GROWTH
+        distance *= _RETRY_GROWTH
         near = np.empty((ROWS, ROOM))
         near, size, own, _ = gather(grid, around, (i, i + 1), (z, z), min(distance, radius), near)
 

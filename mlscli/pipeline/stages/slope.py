@@ -3,7 +3,8 @@
 A plane is fitted to the point and its neighbours by least squares in height. They lie on a slope
 unless an upright surface explains them better: unless the variance of the heights about the plane
 is at least twice that of the places about a line, seen from above. So it is along walls, trunks and
-poles.
+poles. A point with fewer than four neighbours lies on no slope, nor one that lies with all of them
+on a line, seen from above.
 
 Offsets are rounded to a 2^15th of the radius: sums of their products are whole numbers below 2^53,
 exact in any order, so that neither the order of the points nor the symmetries of the grid change a
@@ -20,7 +21,7 @@ from mlscli.runtime.kernels import inner
 
 # Steps of an offset in a radius.
 _STEPS = 2.0**15
-# A plane needs the point and so many neighbours.
+# A plane needs so many neighbours besides the point.
 _FEWEST = 4
 # An upright surface is taken where it explains the points so much better, in variances.
 _UPRIGHT = 2.0
