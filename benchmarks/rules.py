@@ -11,40 +11,24 @@ from statistics import mean
 
 from mlscli.config import load
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.parameters.fields import fields_of, write_value
+from mlscli.pipeline.parameters import DEFAULT_PIPELINE
+from mlscli.pipeline.stages.registry import STAGES
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.truth import truth
 from mlscli.scoring import Score, score
 from mlscli.trials.quality import CELL_SIZE, flown, mapped
 
-THESIS = {
-    "median.max_nb": "16",
-    "median.min_nb": "8",
-    "median.level": "0",
-    "median.min_share": "0",
-    "median.max_slope": "0",
-    "median.recentre": "0",
-    "walls.join": "0",
-    "walls.along": "0",
-    "walls.support": "0",
-    "plaster.slope_reach": "0",
-    "plaster.support": "0",
-    "plaster.over_lower": "true",
-    "pyramids.pits": "false",
-}
+# What the default pipeline sets, and what a stage does where nothing is said.
 DEFAULT = {
-    "median.max_nb": "24",
-    "median.min_nb": "4",
-    "median.level": "1 cell",
-    "median.min_share": "0.3",
-    "median.max_slope": "2",
-    "median.recentre": "0.75 cells",
-    "walls.join": "2 cells",
-    "walls.along": "3 cells",
-    "walls.support": "1",
-    "plaster.slope_reach": "2 cells",
-    "plaster.support": "2",
-    "plaster.over_lower": "false",
-    "pyramids.pits": "true",
+    f"{stage}.{name}": write_value(value)
+    for stage, given in DEFAULT_PIPELINE.items()
+    for name, value in given.items()
+}
+THESIS = {
+    f"{stage}.{name}": write_value(fields_of(STAGES[stage])[name].default)
+    for stage, given in DEFAULT_PIPELINE.items()
+    for name in given
 }
 # They belong together: with a share asked for, more neighbours count, and fewer must be there.
 _OF_MEDIAN = {f"median.{name}" for name in ("max_nb", "min_nb", "level", "min_share", "max_slope")}
