@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -168,11 +169,13 @@ def test_what_lies_within_reach_keeps_the_neighbours_that_lie_beyond(mode: str) 
 
 # --- the properties say something ---
 
+Kind = TypeVar("Kind", bound=Stage)
+
 
 def test_every_stage_changes_something_in_these_lists_and_clouds() -> None:
     changed: Counter[str] = Counter()
 
-    @settings(max_examples=300, derandomize=True, database=None)
+    @settings(max_examples=400, derandomize=True, database=None)
     @given(flights(), stage_lists())
     def look(flight: list[Points], stages: tuple[Stage, ...]) -> None:
         if flight:
@@ -182,6 +185,7 @@ def test_every_stage_changes_something_in_these_lists_and_clouds() -> None:
     expected = {
         "median drops",
         "median moves",
+        *(f"{stage} heeds {name}" for stage, rules in RULES.items() for name in rules),
         "orphans drops",
         "walls inserts 1",
         "walls inserts 2",
@@ -196,12 +200,24 @@ def test_every_stage_changes_something_in_these_lists_and_clouds() -> None:
     assert {what for what in expected if changed[what] < 5} == set()
 
 
+RULES: dict[str, dict[str, Any]] = {
+    "median": {"recentre": 0, "level": 0, "min_share": 0, "max_slope": 0},
+    "walls": {"join": 0, "along": 0, "support": 0},
+    "plaster": {"slope_reach": 0, "support": 0, "over_lower": True},
+    "pyramids": {"pits": False},
+}
+"""By stage, parameters and the value with which they do nothing."""
+
+
 def changes(points: Points, stages: Sequence[Stage]) -> list[str]:
     """Return what each stage does in one pass."""
     did = []
     for stage in stages:
         if isinstance(stage, PointStage):
             kept = stage.apply(points, CELL)
+            for name, without_it in without_each_rule(stage):
+                other = without_it.apply(points, CELL)
+                did += [f"{stage.name} heeds {name}"] * (not np.array_equal(kept.xyz, other.xyz))
             did += [f"{stage.name} drops"] * (kept.size < points.size)
             moved = kept.size == points.size and bool((kept.xyz != points.xyz).any())
             did += [f"{stage.name} moves"] * moved
@@ -210,6 +226,8 @@ def changes(points: Points, stages: Sequence[Stage]) -> list[str]:
     for stage in stages:
         if isinstance(stage, MapStage):
             before, surface = surface, stage.apply(surface)
+            for name, simpler in without_each_rule(stage):
+                did += [f"{stage.name} heeds {name}"] * (simpler.apply(before) != surface)
             for origin in (1, 2):
                 more = (surface.origin == origin).sum() > (before.origin == origin).sum()
                 did += [f"{stage.name} inserts {origin}"] * bool(more)
@@ -221,6 +239,12 @@ def changes(points: Points, stages: Sequence[Stage]) -> list[str]:
             moved = any(were[patch] != extents[patch] for patch in extents.keys() & were.keys())
             did += [f"{stage.name} moves"] * moved
     return did
+
+
+def without_each_rule(stage: Kind) -> Iterator[tuple[str, Kind]]:
+    """Yield each rule of a stage that can be switched off, and the stage without it."""
+    for name, nothing in RULES.get(stage.name, {}).items():
+        yield name, replace(stage, **{name: nothing})
 
 
 def extents_of(surface: SurfaceMap) -> dict[tuple[float, ...], tuple[float, float]]:
