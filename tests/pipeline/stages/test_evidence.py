@@ -1,9 +1,9 @@
 """What bears out a closing: walls that run along a gap, surfaces that end at it.
 
 How one could cheat: close nothing at all; ask only one end; look at the gap's own side; count
-cells beyond a missing one; treat x and y, or the two ends, differently. Hence each rule is tried
-with a case that it lets pass and one that it does not, which differ by one cell, and every case in
-all eight turns of the grid.
+cells beyond a missing one; treat x and y, or the two ends, differently; declare too short a reach,
+which random maps do not show. Hence each rule is tried with a case that it lets pass and one that it
+does not, which differ by one cell, and every case in all eight turns of the grid.
 """
 
 from __future__ import annotations
@@ -140,6 +140,50 @@ def test_a_wide_gap_through_which_a_lower_level_was_seen_stays_open() -> None:
     assert (2, 1) in inserted(replace(PLASTER, over_lower=True), roofs + lane)
     # A level above, and what is no farther below than the gap, keep nothing open.
     assert (2, 1) in inserted(PLASTER, [*roofs, *flat((1, 1), height=3.1 + GAP)])
+
+
+LONG = [(x, 0) for x in (-7, -6, -5, -4, -2, -1, 0, 4, 5, 6, 7)]
+FLOOR = [(x, 0) for x in (-2, 0, 4, 5)]
+
+
+@pytest.mark.parametrize(
+    ("stage", "patches", "changes", "removed"),
+    [
+        # Pass two closes 1 to 3 if three cells are behind; pass one closes -3, which is the third,
+        # if there are three behind -4, of which -7 is the last, as six are beside it.
+        pytest.param(
+            replace(WALLS, max_gap_enhanced=3 * CELL),
+            upright(*LONG, *((-4, y) for y in (-3, -2, -1, 1, 2, 3))),
+            (3, 0),
+            (-7, 0),
+            id="along",
+        ),
+        pytest.param(
+            Walls(max_gap=0.5 * CELL, max_gap_enhanced=0.9 * CELL, support=1),
+            [Patch(0, 0, 1.0, 1.0, 0, 9), Patch(0, 0, 2.4, 1.0, 0, 9), *upright((1, 1))],
+            (0, 0),
+            (1, 1),
+            id="beside a hole",
+        ),
+        # Pass two closes 1 to 3 if one cell is behind, which pass one inserts beside -2.
+        pytest.param(
+            replace(PLASTER, max_gap_enhanced=3 * CELL, support=1),
+            flat(*FLOOR),
+            (3, 0),
+            (-2, 0),
+            id="edge",
+        ),
+    ],
+)
+def test_what_bears_out_a_closing_can_lie_as_far_away_as_the_reach(
+    stage: MapStage, patches: list[Patch], changes: Cell, removed: Cell
+) -> None:
+    away = max(abs(changes[0] - removed[0]), abs(changes[1] - removed[1]))
+    assert stage.reach(CELL) == away
+    whole = stage.apply(map_of(patches, gap_size=0.35))
+    without = stage.apply(map_of([p for p in patches if p.cell != removed], gap_size=0.35))
+    assert [p.cell for p in patches_of(whole) if p.origin].count(changes) == 1
+    assert changes not in {p.cell for p in patches_of(without) if p.origin}
 
 
 def test_the_default_pipeline_joins_no_houses_and_keeps_most_of_their_roofs() -> None:
