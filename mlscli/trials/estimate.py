@@ -182,7 +182,7 @@ def _by_their_rate(keyframes: Sequence[Keyframe], duration: float) -> int | None
 def _reservations(recording: Recording, glance: Glance) -> Iterator[str]:
     """Yield notes on what might change if more were read."""
     if glance.cut and "latest" in recording.options:
-        yield "`latest`: the end of the recording is not reached; an earlier message is taken for it"
+        yield "`latest`: the end of the recording is not reached, an earlier message stands for it"
     if glance.poses_cut:
         yield "transforms and poses are read in part: clouds without one may get theirs when built"
 

@@ -2,8 +2,8 @@
 
 How one could cheat: close nothing at all; ask only one end; look at the gap's own side; count
 cells beyond a missing one; treat x and y, or the two ends, differently; declare too short a reach,
-which random maps do not show. Hence each rule is tried with a case that it lets pass and one that it
-does not, which differ by one cell, and every case in all eight turns of the grid.
+which random maps do not show. Hence each rule is tried with a case that it lets pass and one that
+it does not, which differ by one cell, and every case in all eight turns of the grid.
 """
 
 from __future__ import annotations
