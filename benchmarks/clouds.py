@@ -27,7 +27,7 @@ def cloud(size: int, density: float) -> Points:
     z = 3 * np.sin(xy[:, 0] / 7) * np.cos(xy[:, 1] / 9) + rng.normal(0, CELL / 3, size)
     z += np.where(rng.random(size) < 0.3, 2.5, 0.0)
     z += np.where(rng.random(size) < 0.1, rng.normal(0, 5 * CELL / 3, size), 0.0)
-    return Points(np.column_stack((xy, z)), np.zeros(size, dtype=np.int32))
+    return Points.of(np.column_stack((xy, z)), np.zeros(size, dtype=np.int32))
 
 
 def plain(side: int) -> SurfaceMap:

@@ -96,18 +96,18 @@ def test_shuffling_and_turning_the_flight_shuffles_and_turns_the_map(
 ) -> None:
     keyframes = list(mlscli.open_recording(tello, columns=COLUMNS, up="-y").keyframes())
     numbers = np.arange(len(keyframes), dtype=np.int32)
-    points = Points(
+    points = Points.of(
         np.concatenate([keyframe.points for keyframe in keyframes]),
         np.repeat(numbers, [len(keyframe.points) for keyframe in keyframes]),
     )
     cells = points.xyz[:, :2] / CELL_SIZE
     off_edges = (cells != np.floor(cells)).all(axis=1)
-    points = Points(points.xyz[off_edges], points.keyframe[off_edges])
+    points = Points.of(points.xyz[off_edges], points.keyframe[off_edges])
     surface = built(points)
     if off_edges.all():
         assert surface == tello_map
     order = np.random.default_rng(1).permutation(points.size)
-    assert built(Points(points.xyz[order], points.keyframe[order])) == surface
+    assert built(Points.of(points.xyz[order], points.keyframe[order])) == surface
     for symmetry in symmetries():
         assert built(turned_points(points, symmetry)) == turned_map(surface, symmetry)
 

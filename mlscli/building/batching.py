@@ -82,12 +82,13 @@ class BatchGatherer:
         if len(self._batches) == 1:
             return self._batches.pop()
         size = sum(batch.size for batch in self._batches)
-        points = Points(np.empty((size, 3)), np.empty(size, dtype=np.int32))
+        points = Points.of(np.empty((size, 3)), np.empty(size, dtype=np.int32))
         while self._batches:
             # From the last: each batch is freed once it is copied, and at most one is held twice.
             batch = self._batches.pop()
-            points.xyz[size - batch.size : size] = batch.xyz
-            points.keyframe[size - batch.size : size] = batch.keyframe
+            part = slice(size - batch.size, size)
+            points.xyz[part], points.keyframe[part] = batch.xyz, batch.keyframe
+            points.sight[part] = batch.sight
             size -= batch.size
         return points
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from mlscli.building.builder import Follower, MapBuilder, check_workers
 from mlscli.building.cell_size import auto_cell_size
+from mlscli.building.depth_noise import auto_noise
 from mlscli.errors import InputError, expect
 from mlscli.io.reading.recording import Recording, open_recording
 from mlscli.keyframes.keyframe import Keyframe
@@ -90,10 +91,10 @@ def build(
     recording = _opened(source)
     reading = Report()
     held: Iterator[Keyframe] | None = None
-    if parameters.map.cell_size == "auto":
-        # The size comes from the whole recording, before the first batch.
+    if parameters.map.cell_size == "auto" or parameters.lacks_noise:
+        # These come from the whole recording, before the first batch.
         keyframes = deque(read(recording, reading, progress))
-        parameters = parameters.with_cell_size(_cell_size_of(keyframes, reading, progress))
+        parameters = settled(parameters, keyframes, reading, progress)
         # Each keyframe is freed once it is taken.
         held = (keyframes.popleft() for _ in range(len(keyframes)))
     builder = MapBuilder(
@@ -120,15 +121,27 @@ def _opened(source: Recording | str | os.PathLike[str] | Array) -> Recording:
     return source if isinstance(source, Recording) else open_recording(source)
 
 
-def _cell_size_of(
-    keyframes: Collection[Keyframe], report: Report, progress: Progress | None
-) -> float:
-    """Return the cell size for all points, and add the time that this takes to the report."""
-    xyz = np.concatenate([keyframe.points for keyframe in keyframes])
-    with report.timed("cell size"):
-        return auto_cell_size(
-            xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
-        )
+def settled(
+    parameters: Parameters,
+    keyframes: Collection[Keyframe],
+    report: Report,
+    progress: Progress | None = None,
+) -> Parameters:
+    """Return parameters with numbers for what is ``auto``, found from all keyframes.
+
+    The time that this takes is added to the report.
+    """
+    if parameters.lacks_noise:
+        with report.timed("noise"):
+            parameters = parameters.with_noise(auto_noise(keyframes))
+    if parameters.map.cell_size == "auto":
+        xyz = np.concatenate([keyframe.points for keyframe in keyframes])
+        with report.timed("cell size"):
+            size = auto_cell_size(
+                xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
+            )
+        parameters = parameters.with_cell_size(size)
+    return parameters
 
 
 class TakesKeyframes(Protocol):

@@ -20,6 +20,7 @@ import numpy as np
 from mlscli.building.batching import BatchGatherer
 from mlscli.building.build import emptied, feed
 from mlscli.building.builder import check_workers, growing_map, map_meta
+from mlscli.building.depth_noise import DepthNoise
 from mlscli.errors import InputError, UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import points_in
@@ -176,6 +177,7 @@ class _LargeMapBuilder:
             parameters.batch.min_points, self._pipeline.cell_size, self.report
         )
         self._blocks = PointBlocks(self._pipeline.cell_size, disk.put)
+        self._noise = DepthNoise()
         self._held = 0
         # The room for points is what the program itself, with its kernels loaded, leaves.
         growing_map(self._pipeline)
@@ -185,6 +187,8 @@ class _LargeMapBuilder:
 
     def add(self, keyframe: Keyframe) -> None:
         """Take a keyframe; batches are stored on disk once they fill half of the memory left."""
+        if self._parameters.lacks_noise:
+            self._noise.add(keyframe)
         if self._gatherer.add(keyframe):
             self._process_waiting()
 
@@ -193,6 +197,9 @@ class _LargeMapBuilder:
         if self._gatherer.has_waiting:
             self._process_waiting()
         self._put_away()
+        if self._parameters.lacks_noise:
+            self._parameters = self._parameters.with_noise(self._noise.value)
+            self._pipeline = Pipeline(self._parameters, self._pipeline.grid.frame_id, self.report)
         pipeline = self._pipeline
         tiles = evaluate_tiles(pipeline, self._blocks, self._tiles(), self._workers, self._progress)
         parts = [_PatchesByX.of(surface, self._disk) for surface in tiles]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.keyframes.keyframe import Keyframe
-from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
+from mlscli.runtime.arrays import Bool, Float32, Float64, Int32, Int64
 
 
 class Points(NamedTuple):
@@ -20,10 +20,21 @@ class Points(NamedTuple):
         Coordinates in the map frame.
     keyframe : int32 (N,)
         The number of each point's keyframe: its row in the map's route.
+    sight : float32 (N, 3)
+        From the craft to each point, as it was recorded; NaN where the craft's position is not
+        known.
     """
 
     xyz: Float64
     keyframe: Int32
+    sight: Float32
+
+    @classmethod
+    def of(cls, xyz: Float64, keyframe: Int32, position: Float64 | None = None) -> Points:
+        """Return points (N, 3) seen from positions (N, 3), or from where is not known."""
+        if position is None:
+            return cls(xyz, keyframe, np.full(xyz.shape, np.nan, dtype=np.float32))
+        return cls(xyz, keyframe, (xyz - position).astype(np.float32))
 
     @property
     def size(self) -> int:
@@ -32,7 +43,7 @@ class Points(NamedTuple):
 
     def take(self, which: Bool | Int64 | slice) -> Points:
         """Return the points that a mask, indices or a slice select."""
-        return Points(self.xyz[which], self.keyframe[which])
+        return Points(self.xyz[which], self.keyframe[which], self.sight[which])
 
 
 class Batch(NamedTuple):
@@ -57,10 +68,13 @@ def gather(keyframes: Iterable[Keyframe], first: int = 0) -> Batch:
         clouds.append(keyframe.points)
         route.append((keyframe.stamp, *keyframe.position))
     numbers = np.arange(first, first + len(clouds), dtype=np.int32)
-    of_each = np.repeat(numbers, [len(cloud) for cloud in clouds])
+    sizes = [len(cloud) for cloud in clouds]
     xyz = clouds[0] if len(clouds) == 1 else np.concatenate([np.empty((0, 3)), *clouds])
-    points = Points(np.ascontiguousarray(xyz), of_each)
-    return Batch(points, np.array(route, dtype=np.float64).reshape(-1, 4))
+    whole = np.array(route, dtype=np.float64).reshape(-1, 4)
+    points = Points.of(
+        np.ascontiguousarray(xyz), np.repeat(numbers, sizes), np.repeat(whole[:, 1:], sizes, axis=0)
+    )
+    return Batch(points, whole)
 
 
 def batches(keyframes: Iterable[Keyframe], min_points: int) -> Iterator[Batch]:

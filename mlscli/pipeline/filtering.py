@@ -12,19 +12,20 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.keyframes.batches import Points
-from mlscli.maps.cells import CellSet, key_of
+from mlscli.maps.cells import CellSet, pack
 from mlscli.maps.rows import merged
 from mlscli.maps.tiled_rows import TiledRows
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.pipeline.stages.stage import PointStage
-from mlscli.runtime.arrays import Bool, Float64, Int32, UInt64
+from mlscli.runtime.arrays import Bool, Float64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
-# The words of a row: the packed cell; the point as the stage reads it; the height that the stage
-# gives it (NaN: dropped); the square of how far the stage looked (inf: not yet filtered).
-_CELL, _X, _Y, _Z, _KEYFRAME, _HEIGHT, _LOOKED = range(7)
-_WORDS = 7
+# The words of a row: the packed cell; the point as the stage reads it, its keyframe and sight in
+# halves of words; where the stage places it (a height of NaN: dropped); the square of how far the
+# stage looked (inf: not yet filtered).
+_CELL, _X, _Y, _Z, _SEEN, _MORE_SEEN, _TO_X, _TO_Y, _TO_Z, _LOOKED = range(10)
+_WORDS = 10
 
 
 class Outcome(NamedTuple):
@@ -33,9 +34,9 @@ class Outcome(NamedTuple):
     Attributes
     ----------
     cells : CellSet
-        All cells in which a point or its outcome can differ from before.
+        All cells in which what the stage has placed there can differ from before.
     rows : uint64 (N, _WORDS)
-        All points in these cells, ascending by cell.
+        All points that it has placed in these cells, ascending by cell.
     """
 
     cells: CellSet
@@ -61,7 +62,7 @@ class FilteredPoints:
         cells = CellSet.of_keys(new[:, _CELL])
         rows = merged(self._tiles.extract(cells), new)
         self._tiles.put(cells, rows)
-        return self._filtered(pipeline, Outcome(cells, rows), new)
+        return self._filtered(pipeline, Outcome(cells, rows), new[:0], new)
 
     def replace(self, pipeline: Pipeline, given: Outcome) -> tuple[Outcome, int]:
         """Replace the points in some cells, and return the outcome in the cells where it changes.
@@ -81,78 +82,94 @@ class FilteredPoints:
         """
         before, rows = self._tiles.extract(given.cells), _passed_on(given.rows)
         self._tiles.put(given.cells, rows)
-        changed = np.concatenate((before, rows))
-        return self._filtered(pipeline, Outcome(given.cells, rows), changed), len(rows) - len(
-            before
-        )
+        outcome = self._filtered(pipeline, Outcome(given.cells, rows), before, rows)
+        return outcome, len(rows) - len(before)
 
-    def _filtered(self, pipeline: Pipeline, given: Outcome, changed: UInt64) -> Outcome:
-        """Filter again all points whose outcome the rows added or removed can change."""
+    def _filtered(
+        self, pipeline: Pipeline, given: Outcome, removed: UInt64, added: UInt64
+    ) -> Outcome:
+        """Filter again all points whose outcome the rows removed or added can change."""
         if self._stage is None:
             return given
-        reach = self._stage.reach(pipeline.cell_size)
+        cell_size = pipeline.cell_size
+        reach = self._stage.reach(cell_size)
+        # What is placed in a cell comes from less than half the reach away.
         near = self._tiles.extract(given.cells.widened(2 * reach))
+        changed = np.concatenate((removed, added))
         asked = _asked(near, near.view(np.float64), changed, changed.view(np.float64), reach)
-        height, looked = pipeline.evaluate_points(self._stage, _as_read(near), asked)
-        cells, outcome = _noted(near, near.view(np.float64), asked, height, looked)
+        xyz, looked = pipeline.evaluate_points(self._stage, _as_read(near), asked)
+        before = _placed_in(near, cell_size)
+        cells, differs = _noted(near, near.view(np.float64), asked, xyz, looked)
         self._tiles.put(CellSet.of_keys(cells), near)
-        keys = np.concatenate((outcome[:, _CELL], given.cells.keys))
-        return Outcome(CellSet.of_keys(keys), outcome)
+        after = _placed_in(near, cell_size)
+        keys = np.concatenate(
+            (given.cells.keys, _placed_in(removed, cell_size), before[differs], after[differs])
+        )
+        changes = CellSet.of_keys(keys)
+        return Outcome(changes, _placed(near, after, changes))
 
 
 def kept(rows: UInt64) -> Points:
     """Return the points that a stage has not dropped, as it left them."""
-    floats = rows.view(np.float64)
-    floats = floats[~np.isnan(floats[:, _HEIGHT])]
-    xyz = np.ascontiguousarray(floats[:, [_X, _Y, _HEIGHT]])
-    return Points(xyz, floats.view(np.int64)[:, _KEYFRAME].astype(np.int32))
+    return _points(_without_dropped(rows), _TO_X)
 
 
 def _as_read(rows: UInt64) -> Points:
-    xyz = np.ascontiguousarray(rows.view(np.float64)[:, _X : _Z + 1])
-    return Points(xyz, rows[:, _KEYFRAME].astype(np.int32))
+    """Return the points of rows as the stage reads them."""
+    return _points(rows, _X)
+
+
+def _points(rows: UInt64, first: int) -> Points:
+    """Return the points of rows, their coordinates from the words that begin with `first`."""
+    xyz = np.ascontiguousarray(rows.view(np.float64)[:, first : first + 3])
+    sight = np.ascontiguousarray(rows.view(np.float32)[:, 2 * _SEEN + 1 : 2 * _SEEN + 4])
+    return Points(xyz, np.ascontiguousarray(rows.view(np.int32)[:, 2 * _SEEN]), sight)
 
 
 def _rows_of(points: Points, cell_size: float) -> UInt64:
     """Return points as rows, ascending by cell, not yet filtered."""
     rows = np.empty((points.size, _WORDS), dtype=np.uint64)
-    _fill(rows, rows.view(np.float64), *points, *cells_of(points.xyz, cell_size))
+    floats = rows.view(np.float64)
+    rows[:, _CELL] = pack(*cells_of(points.xyz, cell_size))
+    floats[:, _X : _Z + 1] = floats[:, _TO_X : _TO_Z + 1] = points.xyz
+    rows.view(np.int32)[:, 2 * _SEEN] = points.keyframe
+    rows.view(np.float32)[:, 2 * _SEEN + 1 : 2 * _SEEN + 4] = points.sight
+    floats[:, _LOOKED] = np.inf
     return rows[np.argsort(rows[:, _CELL], kind="stable")]
 
 
-@kernel
-def _fill(
-    rows: UInt64, floats: Float64, xyz: Float64, keyframe: Int32, ix: Int32, iy: Int32
-) -> None:
-    """Write points into rows.
-
-    Parameters
-    ----------
-    rows : uint64 (N, _WORDS)
-        Receives the points, in the order given.
-    floats : float64 (N, _WORDS)
-        A view of `rows`.
-    xyz : float64 (N, 3)
-        Coordinates.
-    keyframe : int32 (N,)
-        The number of each point's keyframe.
-    ix, iy : int32 (N,)
-        Cell indices of the points.
-    """
-    for i in range(len(rows)):
-        rows[i, _CELL] = key_of(ix[i], iy[i])
-        floats[i, _X], floats[i, _Y], floats[i, _Z] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        rows[i, _KEYFRAME] = keyframe[i]
-        floats[i, _HEIGHT], floats[i, _LOOKED] = xyz[i, 2], np.inf
+def _without_dropped(rows: UInt64) -> UInt64:
+    dropped = np.isnan(rows.view(np.float64)[:, _TO_Z])
+    return rows[~dropped] if dropped.any() else rows
 
 
 def _passed_on(rows: UInt64) -> UInt64:
-    """Return the rows of a stage as the next one reads them, without dropped points."""
+    """Return the rows of an outcome as the next stage reads them, without dropped points."""
+    rows = _without_dropped(rows).copy()
     floats = rows.view(np.float64)
-    floats = floats[~np.isnan(floats[:, _HEIGHT])]
-    floats[:, _Z] = floats[:, _HEIGHT]
+    floats[:, _X : _Z + 1] = floats[:, _TO_X : _TO_Z + 1]
     floats[:, _LOOKED] = np.inf
-    return floats.view(np.uint64)
+    return rows
+
+
+def _placed_in(rows: UInt64, cell_size: float) -> UInt64:
+    """Return the packed cell in which a stage has placed each point; its own where dropped."""
+    floats = rows.view(np.float64)
+    keys = rows[:, _CELL].copy()
+    elsewhere = (floats[:, _X] != floats[:, _TO_X]) | (floats[:, _Y] != floats[:, _TO_Y])
+    moved = np.flatnonzero(elsewhere & ~np.isnan(floats[:, _TO_Z]))
+    if len(moved):
+        keys[moved] = pack(*cells_of(floats[moved, _TO_X : _TO_Z + 1], cell_size))
+    return keys
+
+
+def _placed(rows: UInt64, keys: UInt64, cells: CellSet) -> UInt64:
+    """Return the rows that are placed in some cells, given where each is, ascending by cell."""
+    place = np.searchsorted(cells.keys, keys)
+    inside = np.flatnonzero(cells.keys[np.minimum(place, len(cells.keys) - 1)] == keys)
+    placed = rows[inside]
+    placed[:, _CELL] = keys[inside]
+    return placed[np.argsort(placed[:, _CELL], kind="stable")]
 
 
 @kernel
@@ -206,37 +223,29 @@ def _first_from(rows: UInt64, cell: np.uint64) -> int:
 
 @kernel
 def _noted(
-    rows: UInt64, floats: Float64, asked: Bool, height: Float64, looked: Float64
-) -> tuple[UInt64, UInt64]:
+    rows: UInt64, floats: Float64, asked: Bool, xyz: Float64, looked: Float64
+) -> tuple[UInt64, Bool]:
     """Write a stage's results for the points asked for into their rows.
 
     Returns
     -------
     cells : uint64 (C,)
         Packed keys of the cells in which something was written.
-    outcome : uint64 (N, _WORDS)
-        All rows of those cells in which a point is new or its outcome has changed.
+    differs : bool (N,)
+        The points that are new, or whose outcome has changed.
     """
-    cells, outcome = np.empty(len(rows), dtype=np.uint64), np.empty_like(rows)
-    noted = size = 0
-    i = 0
-    while i < len(rows):
-        begin, cell = i, rows[i, _CELL]
-        any_asked = differs = False
-        while i < len(rows) and rows[i, _CELL] == cell:
-            if asked[i]:
-                any_asked = True
-                before = floats[i, _HEIGHT]
-                same = before == height[i] or (np.isnan(before) and np.isnan(height[i]))
-                differs |= not same or floats[i, _LOOKED] == np.inf
-                floats[i, _HEIGHT], floats[i, _LOOKED] = height[i], looked[i]
-            i += 1
-        if any_asked:
-            cells[noted] = cell
+    cells, differs = np.empty(len(rows), dtype=np.uint64), np.zeros(len(rows), dtype=np.bool_)
+    noted = 0
+    for i in range(len(rows)):
+        if not asked[i]:
+            continue
+        if noted == 0 or cells[noted - 1] != rows[i, _CELL]:
+            cells[noted] = rows[i, _CELL]
             noted += 1
-        if differs:
-            for row in range(begin, i):
-                for word in range(rows.shape[1]):
-                    outcome[size, word] = rows[row, word]
-                size += 1
-    return cells[:noted], outcome[:size]
+        differs[i] = floats[i, _LOOKED] == np.inf
+        for axis in range(3):
+            before, after = floats[i, _TO_X + axis], xyz[i, axis]
+            differs[i] |= not (before == after or (np.isnan(before) and np.isnan(after)))
+            floats[i, _TO_X + axis] = after
+        floats[i, _LOOKED] = looked[i]
+    return cells[:noted], differs

@@ -13,6 +13,7 @@ from mlscli.errors import ConfigError, UsageError, expect
 from mlscli.maps.grid import Grid
 from mlscli.parameters.fields import UNKNOWN, fields_of, json_value, parameter, write_value
 from mlscli.parameters.lengths import Cells, Length, in_units
+from mlscli.pipeline.stages.rays import Rays
 from mlscli.pipeline.stages.registry import STAGES
 from mlscli.pipeline.stages.stage import Fault, PointStage, Stage
 
@@ -57,6 +58,7 @@ class BatchParameters:
 
 SECTIONS = {"vehicle": Vehicle, "map": MapParameters, "batch": BatchParameters}
 DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
+    "rays": {},
     "median": {
         "max_nb": 24,
         "min_nb": 4,
@@ -173,6 +175,23 @@ class Parameters:
         settled = replace(self, map=replace(_as_given(self.map), cell_size=cell_size))
         settled.check()
         return settled
+
+    @property
+    def lacks_noise(self) -> bool:
+        """Whether a stage needs to know how the depths of the recording err."""
+        return any(isinstance(stage, Rays) and stage.noise == "auto" for stage in self.pipeline)
+
+    def with_noise(self, noise: float) -> Parameters:
+        """Return the same parameters with this `noise` for each stage `rays` that has ``auto``."""
+        return replace(
+            self,
+            pipeline=tuple(
+                replace(stage, noise=noise)
+                if isinstance(stage, Rays) and stage.noise == "auto"
+                else stage
+                for stage in self.pipeline
+            ),
+        )
 
     def check(self) -> None:
         """Check every value, and that none contradict each other.

@@ -97,7 +97,7 @@ def score_columns(surface: SurfaceMap, scan: Array, within: float) -> ColumnScor
     xyz = checked_scan(scan, within)
     # No map has patches in cells beyond.
     xyz = xyz[on_grid(xyz, surface.cell_size)]
-    points = Points(xyz, np.zeros(len(xyz), dtype=np.int32))
+    points = Points.of(xyz, np.zeros(len(xyz), dtype=np.int32))
     scanned = group(points, surface.grid)
     mine, true = Patches.of(surface), Patches.of(scanned)
     tall = true.take(true.vertical & (scanned.depth >= surface.gap_size))

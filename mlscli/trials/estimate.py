@@ -25,14 +25,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlscli.building.build import settled
 from mlscli.building.builder import Follower, MapBuilder
-from mlscli.building.cell_size import auto_cell_size
 from mlscli.io.reading.glance import Glance
 from mlscli.io.reading.recording import AUTO, Recording, open_recording
 from mlscli.keyframes.batches import batches
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.grid import LENGTHS
 from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.report import Report
 
 # The trial takes this many points at most, and builds maps of these shares of them in turn, until
 # the next could take longer than this many seconds.
@@ -231,9 +232,7 @@ class _Trial:
         self.batches = sum(1 for _ in batches(keyframes, parameters.batch.min_points))
         tried = _slab(keyframes, _AT_MOST)
         begin = time.perf_counter()
-        if parameters.map.cell_size == "auto":
-            xyz = np.concatenate([keyframe.points for keyframe in tried])
-            parameters = parameters.with_cell_size(auto_cell_size(xyz))
+        parameters = settled(parameters, tried, Report())
         sizing = (time.perf_counter() - begin) / _size(tried)
         self.lengths = _lengths(parameters)
         self.growth = self._slowing = 1.0

@@ -261,7 +261,7 @@ def test_the_cells_of_a_lattice_are_two_spacings_wide() -> None:
 @given(seeds)
 def test_order_symmetry_and_a_few_outliers_do_not_change_the_cell_size(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    points = Points(rng.uniform(0, 5, (400, 3)), np.zeros(400, dtype=np.int32))
+    points = Points.of(rng.uniform(0, 5, (400, 3)), np.zeros(400, dtype=np.int32))
     size = auto_cell_size(points.xyz)
     assert auto_cell_size(rng.permutation(points.xyz)) == size
     for symmetry in symmetries():

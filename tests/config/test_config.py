@@ -33,6 +33,7 @@ from mlscli.pipeline.stages.median import Median
 from mlscli.pipeline.stages.orphans import Orphans
 from mlscli.pipeline.stages.plaster import Plaster
 from mlscli.pipeline.stages.pyramids import Pyramids
+from mlscli.pipeline.stages.rays import Rays
 from mlscli.pipeline.stages.regions import Regions
 from mlscli.pipeline.stages.registry import STAGES
 from mlscli.pipeline.stages.stage import PointStage, Stage
@@ -46,6 +47,7 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
         map=MapParameters(cell_size="auto", gap_size=Cells(3), thickness=Cells(1)),
         batch=BatchParameters(min_points=80),
         pipeline=(
+            Rays("auto", Cells(4), Cells(2), max_nb=24, min_nb=8, min_share=0.4),
             Median(
                 nb_radius=Cells(3),
                 max_nb=24,
@@ -198,7 +200,7 @@ def test_a_stage_that_is_named_follows_the_thesis_where_nothing_else_is_said() -
     assert not Pyramids().pits
     # A setting changes the parameter that it names, and no other.
     median = Median(**DEFAULT_PIPELINE["median"] | {"min_nb": 5})
-    assert load(None, ["median.min_nb=5"]).pipeline[0] == median
+    assert load(None, ["median.min_nb=5"]).pipeline[1] == median
 
 
 def test_the_default_preset_leaves_to_other_parameters_what_they_decide() -> None:

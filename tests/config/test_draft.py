@@ -132,7 +132,7 @@ def test_a_misspelt_key_is_one_fault_that_names_the_right_one(
     [
         ("plaster.max_gp=3", "did you mean max_gap?"),
         ("plastr.max_gap=3", "did you mean plaster?"),
-        ("regions.min_size=3", "its stages: median, orphans, walls, plaster, pyramids"),
+        ("regions.min_size=3", "its stages: rays, median, orphans, walls, plaster, pyramids"),
         ("vehicle=3", "such as vehicle.width"),
         ("max_gap=3", "walls.max_gap or plaster.max_gap"),
         ("plaster.max_gap", "plaster.max_gap=VALUE"),

@@ -13,7 +13,6 @@ from mlscli.keyframes.batches import Points
 from mlscli.maps.merging import with_measured
 from mlscli.maps.records import columns_of, records_of
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
-from mlscli.runtime.arrays import Float64
 
 CELL, GAP, THICKNESS = 0.5, 0.75, 0.25
 KEYFRAMES = 7
@@ -125,7 +124,7 @@ def random_points(rng: np.random.Generator, size: int | None = None) -> Points:
         xyz = np.round(xyz * 4) / 4
         xyz[:, :2] += 0.11  # off the edges of cells
     keyframe = rng.integers(0, KEYFRAMES, size).astype(np.int32)
-    return Points(xyz + 0.0, keyframe)
+    return Points.of(xyz + 0.0, keyframe)
 
 
 # --- the symmetries of the grid ---
@@ -138,8 +137,10 @@ def symmetries() -> Iterator[tuple[bool, bool, bool]]:
 
 def turned_points(points: Points, symmetry: tuple[bool, bool, bool]) -> Points:
     swap, negate_x, negate_y = symmetry
-    xyz: Float64 = points.xyz * (-1 if negate_x else 1, -1 if negate_y else 1, 1)
-    return Points(np.ascontiguousarray(xyz[:, [1, 0, 2]] if swap else xyz) + 0.0, points.keyframe)
+    signs = np.array((-1 if negate_x else 1, -1 if negate_y else 1, 1), dtype=np.float32)
+    axes = [1, 0, 2] if swap else [0, 1, 2]
+    xyz = np.ascontiguousarray((points.xyz * signs)[:, axes]) + 0.0
+    return Points(xyz, points.keyframe, np.ascontiguousarray((points.sight * signs)[:, axes]))
 
 
 def turned_map(surface: SurfaceMap, symmetry: tuple[bool, bool, bool]) -> SurfaceMap:

@@ -152,7 +152,7 @@ def eventful_points(seed: int, size: int) -> Points:
     xyz[:, :2] += CELL * rng.choice([0, 0, -40, 29], 2)
     stray = rng.random(len(xyz)) < 0.01
     xyz[stray, :2] += rng.choice([-(2.0**20), 40.0, 2.0**20], (_count(stray), 2))
-    return Points(xyz + 0.0, np.zeros(len(xyz), dtype=np.int32))
+    return Points.of(xyz + 0.0, np.zeros(len(xyz), dtype=np.int32))
 
 
 def _some(index: Float64, rng: np.random.Generator, most: int) -> Bool:
@@ -175,7 +175,7 @@ def clouds(draw: st.DrawFn) -> Points:
         return points
     side_by_side = [points.xyz + np.array([x, 0.0, 0.0]) for x in (-7.0, -3.5, 0.0, 3.5, 7.0)]
     chosen = np.random.default_rng(seed).permutation(5 * points.size)[: 2 * points.size]
-    return Points(np.concatenate(side_by_side)[chosen], np.zeros(len(chosen), dtype=np.int32))
+    return Points.of(np.concatenate(side_by_side)[chosen], np.zeros(len(chosen), dtype=np.int32))
 
 
 @st.composite
@@ -201,10 +201,10 @@ def in_batches(points: Points, sizes: Sequence[int]) -> Iterator[Points]:
         if begin >= points.size:
             return
         xyz = points.xyz[begin : begin + size]
-        yield Points(xyz, np.full(len(xyz), number, dtype=np.int32))
+        yield Points.of(xyz, np.full(len(xyz), number, dtype=np.int32))
         begin += size
 
 
 def points_at(points: Points, places: Int64) -> Points:
     """Return the points at places, in their order."""
-    return Points(points.xyz[places], points.keyframe[places])
+    return points.take(places)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from mlscli.keyframes.batches import Points
+from mlscli.runtime.arrays import Float64
 
 Point = tuple[float, float, float]
 
@@ -129,3 +130,53 @@ def measured(
                 }
             )
     return rows
+
+
+def rays(
+    points: Points,
+    least: float,
+    farthest_across: float,
+    noise: float,
+    depth: float,
+    radius: float,
+    max_nb: int,
+    min_nb: int,
+    min_share: float,
+) -> Float64:
+    """Return where points are moved to, every point compared with every other."""
+    sight = points.sight.astype(np.float64)
+    distance = np.sqrt((sight**2).sum(axis=1))
+    sigma = np.nan_to_num(noise * distance**2)
+    ahead = np.nan_to_num(sight / np.where(distance > 0, distance, 1.0)[:, None])
+    steps = 2.0**15 / depth
+    result = points.xyz.copy()
+    for i in np.flatnonzero(sigma > least):
+        x, y, _ = ahead[i]
+        flat = np.hypot(x, y)
+        level = np.array([-y, x, 0]) / flat if flat > 0 else np.array([1.0, 0, 0])
+        offset = points.xyz - points.xyz[i]
+        t, a, b = (offset @ axis for axis in (ahead[i], level, np.cross(ahead[i], level)))
+        sine = np.sqrt(np.maximum(0, 1 - (ahead @ ahead[i]) ** 2))
+        apart = a**2 + b**2
+        near = (np.abs(t) <= depth) & (apart <= radius**2) & (np.arange(points.size) != i)
+        near &= (sigma <= 2 * sigma[i]) & (sigma * sine <= farthest_across)
+        if near.sum() > max_nb:
+            near &= apart <= np.sort(apart[near])[max_nb - 1] + 1e-12
+        t, a, b = (np.rint(part[near] * steps) for part in (t, a, b))
+        places, off = np.column_stack((a, b)), t
+        window = min(3 * sigma[i], depth) * steps
+        for close in (window, *4 * [window / 2]):
+            at = np.abs(off) <= close
+            if at.sum() < 4:
+                break
+            shifted, depths = places[at] - places[at].mean(axis=0), t[at] - t[at].mean()
+            blurred = shifted.T @ shifted / at.sum() + np.eye(2) * np.rint(2.0**15 / 400) ** 2
+            carried = t - places @ np.linalg.solve(blurred, shifted.T @ depths / at.sum())
+            off = carried - carried[at].mean()
+        beyond = np.nan
+        if at.sum() >= 4:
+            on_surface = carried[np.abs(off) <= window / 2]
+            if len(on_surface) >= max(min_nb, min_share * near.sum()):
+                beyond = np.median(on_surface)
+        result[i] += (beyond if abs(beyond) <= window / 2 else np.nan) / steps * ahead[i]
+    return result

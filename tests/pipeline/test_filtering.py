@@ -29,7 +29,7 @@ MEDIANS = st.sampled_from(
 
 
 def points_of(xyz: Float64) -> Points:
-    return Points(xyz, np.zeros(len(xyz), dtype=np.int32))
+    return Points.of(xyz, np.zeros(len(xyz), dtype=np.int32))
 
 
 @settings(max_examples=60, deadline=None)
@@ -38,8 +38,8 @@ def test_what_is_asked_for_is_what_all_are_told(seed: int, stage: Median) -> Non
     rng = np.random.default_rng(seed)
     points = random_points(rng)
     asked = rng.random(points.size) < 0.4
-    told = stage.evaluate(points, CELL, asked).height[asked]
-    everybody = stage.evaluate(points, CELL).height[asked]
+    told = stage.evaluate(points, CELL, asked).xyz[asked]
+    everybody = stage.evaluate(points, CELL).xyz[asked]
     assert told.tobytes() == everybody.tobytes()
 
 
@@ -52,10 +52,10 @@ def test_nothing_farther_off_than_a_stage_looked_changes_a_point(seed: int, stag
     before = stage.evaluate(points, CELL, everybody)
     low, high = points.xyz.min(axis=0, initial=0.0), points.xyz.max(axis=0, initial=0.0)
     other = rng.uniform(low - 0.5, high + 0.5, (1, 3))
-    after = stage.evaluate(points_of(np.concatenate((points.xyz, other))), CELL).height[:-1]
+    after = stage.evaluate(points_of(np.concatenate((points.xyz, other))), CELL).xyz[:-1]
     dx, dy = (points.xyz[:, :2] - other[:, :2]).T
     out_of_sight = dx * dx + dy * dy > before.looked
-    assert after[out_of_sight].tobytes() == before.height[out_of_sight].tobytes()
+    assert after[out_of_sight].tobytes() == before.xyz[out_of_sight].tobytes()
 
 
 @pytest.mark.parametrize("max_nb", [0, 6])

@@ -65,7 +65,7 @@ def test_a_noisy_floor_stays_a_floor_with_more_points() -> None:
     rng = np.random.default_rng(2)
     for size in (4, 36, 1000):
         xyz = np.c_[rng.uniform(0, CELL, (size, 2)), rng.normal(0, 0.07, size)]
-        surface = measured(Points(xyz, np.zeros(size, dtype=np.int32)))
+        surface = measured(Points.of(xyz, np.zeros(size, dtype=np.int32)))
         assert surface.depth.tolist() == [0.0]
     assert float(surface.top[0] - surface.bottom[0]) > THICKNESS
 
@@ -113,8 +113,8 @@ def test_merged_maps_number_the_second_flight_after_the_first() -> None:
     merged = merge_maps(measured(one), measured(other))
     merged.check()
     assert len(merged.route) == 2 * KEYFRAMES
-    second = Points(other.xyz, other.keyframe + KEYFRAMES)
-    both = Points(
+    second = Points.of(other.xyz, other.keyframe + KEYFRAMES)
+    both = Points.of(
         np.concatenate((one.xyz, second.xyz)), np.concatenate((one.keyframe, second.keyframe))
     )
     expected = measured(both)
@@ -152,7 +152,7 @@ def test_maps_of_different_grids_are_not_merged() -> None:
 def test_a_group_within_another_does_not_hide_what_reaches_on() -> None:
     def of(*heights: float) -> SurfaceMap:
         xyz = np.array([[0.1, 0.1, z] for z in heights])
-        return measured(Points(xyz, np.zeros(len(heights), dtype=np.int32)))
+        return measured(Points.of(xyz, np.zeros(len(heights), dtype=np.int32)))
 
     tall, inside, above = of(*np.arange(0, 5, 0.5)), of(1.0), of(4.5 + GAP)
     merged = add_measured(add_measured(tall, inside), above)
@@ -171,7 +171,7 @@ def test_what_was_inserted_stays_beside_measurements_that_did_not_change() -> No
     ]
     # The heights measured decide, not the mean that a floor is drawn at.
     xyz = np.array([[0.1, 0.1, z] for z in (4.2, 4.3)])
-    below = measured(Points(xyz, np.zeros(2, dtype=np.int32)))
+    below = measured(Points.of(xyz, np.zeros(2, dtype=np.int32)))
     inserted = map_of([Patch(0, 0, 4.2 - GAP, 0.0, 1, 0)])
     assert add_measured(inserted, below).origin.tolist() == [0]
 

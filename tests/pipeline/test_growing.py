@@ -86,12 +86,12 @@ def batches_of(points: Points, size: int) -> Iterator[Points]:
     """Yield the points `size` at a time, each batch a keyframe of its own."""
     for number, begin in enumerate(range(0, points.size, size)):
         xyz = points.xyz[begin : begin + size]
-        yield Points(xyz, np.full(len(xyz), number, dtype=np.int32))
+        yield Points.of(xyz, np.full(len(xyz), number, dtype=np.int32))
 
 
 def together(batches: Iterable[Points]) -> Points:
     columns = zip(gather([]).points, *batches, strict=True)
-    return Points(*(np.concatenate(column) for column in columns))
+    return Points.of(*(np.concatenate(column) for column in columns))
 
 
 def _dropped(points: Points, given_parameters: Parameters) -> dict[str, int]:
@@ -178,7 +178,7 @@ def test_a_recorded_flight_grows_alike_in_batches_of_any_size(
     ends = np.cumsum([20, 52, 80, 300, 1000] * (len(xyz) // 1452 + 1))
     clouds = np.split(xyz, ends[ends < len(xyz)])
     batches = [
-        Points(cloud, np.full(len(cloud), number, dtype=np.int32))
+        Points.of(cloud, np.full(len(cloud), number, dtype=np.int32))
         for number, cloud in enumerate(clouds)
     ]
     builder = MapBuilder(given_parameters)
@@ -204,7 +204,7 @@ def test_a_building_of_storeys_grows_and_is_tiled_alike(
     given_parameters = mlscli.load_parameters(None, ["map.cell_size=0.5", "map.gap_size=1.5"])
     ends = len(xyz) - np.cumsum([1000, 300, 80, 52, 20])
     batches = [
-        Points(cloud, np.full(len(cloud), number, dtype=np.int32))
+        Points.of(cloud, np.full(len(cloud), number, dtype=np.int32))
         for number, cloud in enumerate(np.split(xyz, ends[::-1]))
     ]
     expected = one_pass(together(batches), given_parameters, final=True)

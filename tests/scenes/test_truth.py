@@ -61,7 +61,7 @@ def reference(scene: Scene, half: float) -> Points:
         _, number, counts = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
         kept.append(xyz[counts[number.reshape(-1)] * share >= half])
     xyz = np.concatenate(kept)
-    return Points(xyz, np.zeros(len(xyz), dtype=np.int32))
+    return Points.of(xyz, np.zeros(len(xyz), dtype=np.int32))
 
 
 def test_dense_points_of_random_scenes_give_the_truth() -> None:

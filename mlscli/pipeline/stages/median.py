@@ -133,7 +133,9 @@ class Median(PointStage):
             _filter(grid, *grid.columns(begin, end), rule, which, height, looked)
 
         in_ranges(points.size, filter_points, progress)
-        return Evaluated(height, looked)
+        xyz = points.xyz.copy()
+        xyz[:, 2] = height
+        return Evaluated(xyz, looked)
 
 
 class Rule(NamedTuple):

@@ -18,8 +18,7 @@ from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import Limits
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Length
-from mlscli.runtime.arrays import Bool, Float64, Int32
-from mlscli.runtime.kernels import kernel
+from mlscli.runtime.arrays import Bool, Float64
 
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
@@ -64,14 +63,14 @@ class Evaluated(NamedTuple):
 
     Attributes
     ----------
-    height : float64 (N,)
-        The new height of each point, in the unit of the recording; NaN: it is dropped.
+    xyz : float64 (N, 3)
+        Where each point is placed, in the unit of the recording; a height of NaN: it is dropped.
     looked : float64 (N,)
         The square of the distance up to which the stage looked for others: a point farther away in
         x and y cannot change the result. Empty where no mask of points was given.
     """
 
-    height: Float64
+    xyz: Float64
     looked: Float64
 
 
@@ -81,7 +80,10 @@ class PointStage(Stage):
 
     @abstractmethod
     def reach(self, cell_size: float) -> int:
-        """Return how many cells away a point can still change another's result."""
+        """Return how many cells away from a cell a point can change what is placed there.
+
+        A stage that moves points to other cells moves them by no more than half of that.
+        """
 
     @abstractmethod
     def evaluate(
@@ -108,25 +110,10 @@ class PointStage(Stage):
     def apply(
         self, points: Points, cell_size: float, progress: Callable[[int], None] | None = None
     ) -> Points:
-        """Return the points that stay, in their order, with their new heights."""
-        height = self.evaluate(points, cell_size, progress=progress).height
-        return Points(*_kept(*points, height))
-
-
-@kernel
-def _kept(xyz: Float64, keyframe: Int32, height: Float64) -> tuple[Float64, Int32]:
-    """Return coordinates and keyframes of the points with a new height that is not NaN."""
-    size = 0
-    for z in height:
-        size += not np.isnan(z)
-    moved, which = np.empty((size, 3)), np.empty(size, dtype=np.int32)
-    place = 0
-    for i in range(len(height)):
-        if not np.isnan(height[i]):
-            moved[place, 0], moved[place, 1], moved[place, 2] = xyz[i, 0], xyz[i, 1], height[i]
-            which[place] = keyframe[i]
-            place += 1
-    return moved, which
+        """Return the points that stay, in their order, where the stage places them."""
+        xyz = self.evaluate(points, cell_size, progress=progress).xyz
+        stays = ~np.isnan(xyz[:, 2])
+        return points._replace(xyz=xyz).take(slice(None) if stays.all() else stays)
 
 
 @dataclass(frozen=True)

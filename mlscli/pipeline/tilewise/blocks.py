@@ -16,7 +16,8 @@ from mlscli.runtime.arrays import Array, Int32, Int64, UInt64
 # A block is 2**4 cells wide: a fraction of the margin that the default pipeline needs.
 BLOCK_BITS = 4
 
-POINT = np.dtype([("xyz", np.float64, (3,)), ("keyframe", np.int32)])
+# A point: the fields of `Points`.
+POINT = np.dtype([("xyz", np.float64, (3,)), ("keyframe", np.int32), ("sight", np.float32, (3,))])
 
 
 class Sliceable(Protocol):
@@ -90,8 +91,8 @@ class PointBlocks:
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
         records = np.empty(points.size, POINT)
-        records["xyz"] = points.xyz[order]
-        records["keyframe"] = points.keyframe[order]
+        for name, column in points._asdict().items():
+            records[name] = column[order]
         start = runs(keys)
         self._runs.append(SortedPoints(keys[start[:-1]], start, self._put(records)))
 
@@ -114,7 +115,7 @@ class PointBlocks:
         blocks = Limits(*(None if end is None else end >> self.shift for end in limits))
         parts = [part for run in self._runs for part in _slices(run, blocks)]
         records = np.concatenate([np.empty(0, POINT), *parts])
-        points = Points(np.ascontiguousarray(records["xyz"]), records["keyframe"])
+        points = Points._make(np.ascontiguousarray(records[name]) for name in Points._fields)
         return points.take(limits.contain(*cells_of(points.xyz, self._cell_size)))
 
 

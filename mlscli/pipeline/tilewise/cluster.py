@@ -225,9 +225,7 @@ def carry_out(order: Order) -> EvaluatedTile:
     if versions() != order.versions:
         raise ClusterError(_differing("a worker that joined", versions(), order.versions))
     # Arrays may arrive in a memory layout for which the kernels are not compiled yet.
-    xyz = np.require(order.points.xyz, requirements=["C", "A", "W"])
-    keyframe = np.require(order.points.keyframe, requirements=["C", "A", "W"])
-    points = Points(xyz, keyframe)
+    points = Points._make(np.require(part, requirements=["C", "A", "W"]) for part in order.points)
     call = partial(evaluate, order.pipeline, points, order.limits)
     # Dask keeps all processors busy: the stages start no threads of their own.
     (result,) = in_turn([call], threads=1)

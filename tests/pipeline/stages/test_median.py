@@ -89,7 +89,7 @@ def wall(height: float, spacing: float) -> Points:
     floor = np.stack(np.meshgrid(*[np.arange(-3, 3, spacing)] * 2, [0.0]), axis=-1).reshape(-1, 3)
     xyz = np.concatenate((upright, floor[np.abs(floor[:, 1]) > 0.1]))
     off_edges = np.array([0.01, 0.013, 0.0])
-    return Points(xyz + off_edges, np.zeros(len(xyz), dtype=np.int32))
+    return Points.of(xyz + off_edges, np.zeros(len(xyz), dtype=np.int32))
 
 
 def test_a_wall_keeps_its_top_and_the_rim_of_its_window() -> None:
@@ -113,7 +113,7 @@ def test_outliers_above_a_roof_go_and_thin_regions_stay() -> None:
     dense = np.c_[rng.uniform(0, 4, (800, 2)), rng.normal(0, 0.03, 800)]
     thin = np.c_[rng.uniform(6, 10, (40, 2)), rng.normal(2, 0.03, 40)]
     above = np.c_[rng.uniform(1, 3, (12, 2)), rng.uniform(0.5, 0.9, 12)]
-    points = Points(np.concatenate((dense, thin, above)), np.zeros(852, dtype=np.int32))
+    points = Points.of(np.concatenate((dense, thin, above)), np.zeros(852, dtype=np.int32))
     kept = Median(1.0, 24, 3, 0, 0.3, 0.3, 2.0).apply(points, 0.35).xyz
     is_thin = kept[:, 0] > 5
     assert kept[~is_thin, 2].max() < 0.1
@@ -126,7 +126,7 @@ def test_outliers_above_a_roof_go_and_thin_regions_stay() -> None:
 def test_slopes_keep_their_ends() -> None:
     x, y = np.meshgrid(np.arange(0, 3, 0.1), np.arange(0, 3, 0.1))
     roof = np.column_stack((x.ravel() + 0.01, y.ravel() + 0.01, 0.8 * x.ravel()))
-    points = Points(roof, np.zeros(len(roof), dtype=np.int32))
+    points = Points.of(roof, np.zeros(len(roof), dtype=np.int32))
     along = Median(0.45, 24, 4, 0, 0.3, 0.3, 2.0).apply(points, 0.3)
     np.testing.assert_allclose(along.xyz[:, 2], roof[:, 2], atol=1e-4)
     assert np.abs(Median(0.45, 24, 4).apply(points, 0.3).xyz[:, 2] - roof[:, 2]).max() > 0.05
@@ -135,7 +135,7 @@ def test_slopes_keep_their_ends() -> None:
 def test_of_equally_distant_neighbours_the_lower_count() -> None:
     # Two neighbours at distance 1, above and below; where only one counts, it is the lower.
     xyz = np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 6.0], [0.0, 0.0, 4.0], [0.0, 0.6, 4.2]])
-    points = Points(xyz, np.zeros(4, dtype=np.int32))
+    points = Points.of(xyz, np.zeros(4, dtype=np.int32))
     # Heights 4, 4.2 and 5 of the point, the near one and the lower of the equal ones.
     assert Median(1.0, 2, 1).apply(points, 1.0).xyz[0, 2] == 4.2
     # All: 4, 4.2, 5, 6, of which index 4 // 2 is the third.
@@ -146,7 +146,7 @@ def test_an_outlier_that_looks_again_comes_nearer_to_its_surface() -> None:
     rng = np.random.default_rng(6)
     floor = np.c_[rng.uniform(0, 4, (600, 2)), rng.normal(0, 0.1, 600)]
     outliers = np.c_[rng.uniform(1, 3, (20, 2)), rng.uniform(0.4, 0.8, 20)]
-    points = Points(np.concatenate((floor, outliers)), np.zeros(620, dtype=np.int32))
+    points = Points.of(np.concatenate((floor, outliers)), np.zeros(620, dtype=np.int32))
     once, again = (
         Median(1.0, 16, 4, recentre).apply(points, 0.5).xyz[600:, 2] for recentre in (0, 0.2)
     )
@@ -163,7 +163,7 @@ def test_the_nearest_are_found_however_dense_the_points_are() -> None:
     steps = np.stack(np.meshgrid(*[np.arange(7) / 4] * 3), axis=-1).reshape(-1, 3)
     sparse = rng.uniform(0, 3, (200, 3))
     xyz = rng.permutation(np.concatenate((clusters, coinciding, wall, steps, sparse)))
-    points = Points(xyz, np.zeros(len(xyz), dtype=np.int32))
+    points = Points.of(xyz, np.zeros(len(xyz), dtype=np.int32))
     for radius, most, least, again in ((1.0, 16, 8, 0.1), (0.5, 30, 3, 0.0), (0.3, 1, 1, 0.05)):
         result = Median(radius, most, least, again).apply(points, 0.5)
         assert rows(result) == references.median(points, radius, most, least, again)
@@ -181,7 +181,7 @@ def test_neighbours_are_found_across_columns_and_far_from_the_origin() -> None:
         # Points a radius apart, to the last bit, wherever the edges of the columns lie.
         steps = np.arange(200) * 0.5
         xyz = np.c_[offset + steps, np.full(200, -offset), np.zeros(200)]
-        points = Points(xyz, np.zeros(200, dtype=np.int32))
+        points = Points.of(xyz, np.zeros(200, dtype=np.int32))
         kept = Median(0.5, 0, 2).apply(points, 0.5)
         assert kept.size == 198
 
@@ -202,7 +202,7 @@ def test_turning_and_shuffling_the_points_turns_and_shuffles_the_result() -> Non
 
 def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     points = random_points(np.random.default_rng(4), 30_000)
-    spread = Points(points.xyz * (30, 30, 1), points.keyframe)
+    spread = Points.of(points.xyz * (30, 30, 1), points.keyframe)
     results = []
     for processors in (1, 2, 5):
         monkeypatch.setattr("mlscli.runtime.threads.processors", lambda n=processors: n)
@@ -221,7 +221,7 @@ def test_points_reach_no_farther_than_declared() -> None:
         points = random_points(rng)
         cells = np.floor(points.xyz[:, :2] / cell_size)
         near = (np.abs(cells) <= stage.reach(cell_size)).all(axis=1)
-        alone = stage.apply(Points(points.xyz[near], points.keyframe[near]), cell_size)
+        alone = stage.apply(Points.of(points.xyz[near], points.keyframe[near]), cell_size)
         everything = stage.apply(points, cell_size)
         for one, other in ((alone, everything), (everything, alone)):
             inside = (np.floor(one.xyz[:, :2] / cell_size) == 0).all(axis=1)

@@ -64,7 +64,7 @@ def test_tiles_cover_the_plane_once_and_each_has_points() -> None:
     blocks = PointBlocks(1.0, shift=1)
     xyz = rng.normal(0, 20, (500, 3))
     xyz[:4, :2] = [[-(2.0**31), 0], [2.0**31 - 1, 5], [0, -(2.0**31)], [1e6, 2.0**31 - 1]]
-    blocks.add(Points(xyz, np.zeros(500, dtype=np.int32)))
+    blocks.add(Points.of(xyz, np.zeros(500, dtype=np.int32)))
     tiles = tiles_of(blocks, reach=3, most=40)
     assert len(tiles) > 20
     ix, iy = rng.integers(-60, 60, (2, 1000), dtype=np.int32)
@@ -79,7 +79,7 @@ def test_tiles_cover_the_plane_once_and_each_has_points() -> None:
 
 def test_points_are_had_by_area_from_however_many_runs() -> None:
     rng = np.random.default_rng(5)
-    points = Points(rng.uniform(-20, 20, (400, 3)), np.arange(400, dtype=np.int32))
+    points = Points.of(rng.uniform(-20, 20, (400, 3)), np.arange(400, dtype=np.int32))
     for shift in (0, 2, 5):
         blocks = PointBlocks(0.5, shift=shift)
         for begin in range(0, 400, 80):
