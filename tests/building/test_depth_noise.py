@@ -1,0 +1,62 @@
+"""How depths err is found from what was seen from the same places.
+
+How one could cheat: take the noise from neighbours in space, which it has chosen; let wrong
+correspondences or edges count; call any scatter noise of depths; depend on which way is north.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlscli.building.depth_noise import auto_noise
+from mlscli.keyframes.keyframe import Keyframe
+from mlscli.scenes.flight import Flight, fly
+from mlscli.scenes.noise import Noise
+from mlscli.scenes.presets import make
+from mlscli.scenes.surfaces import Scatter
+
+
+def flight(kind: str, sigma: float, scene: str = "house", wrong: float = 0.1) -> Flight:
+    noise = Noise(kind, Scatter(0.0 if kind == "slam" else sigma / 3, sigma), wrong)  # type: ignore[arg-type]
+    return fly(make(scene), 0.15, noise, seed=3)
+
+
+@pytest.mark.parametrize("scene", ["house", "street", "parking"])
+def test_it_is_what_the_flight_was_made_with(scene: str) -> None:
+    for sigma in (0.02, 0.05):
+        # At a depth of 2 by definition of the flights.
+        true = sigma / 4
+        assert 0.8 * true < auto_noise(flight("slam", sigma, scene, 0.0).keyframes) < 1.5 * true
+        assert 0.8 * true < auto_noise(flight("slam", sigma, scene).keyframes) < 2 * true
+
+
+def test_it_is_none_where_errors_do_not_grow_with_the_depth() -> None:
+    assert auto_noise(flight("thesis", 0.05).keyframes) == 0.0
+    assert auto_noise(flight("slam", 0.0, wrong=0.0).keyframes) == 0.0
+
+
+def test_it_is_none_where_nothing_tells() -> None:
+    seen = flight("slam", 0.05).keyframes
+    nowhere = [Keyframe(keyframe.points, keyframe.stamp) for keyframe in seen]
+    assert auto_noise(nowhere) == auto_noise([]) == auto_noise(seen[:2]) == 0.0
+    rng = np.random.default_rng(1)
+    here = Keyframe(np.zeros((500, 3)), position=(0.0, 0.0, 0.0))
+    assert auto_noise([here]) == 0.0
+    shell = rng.standard_normal((5000, 3))
+    shell /= np.linalg.norm(shell, axis=1)[:, None]
+    shell *= 1 + rng.normal(0, 0.05, (5000, 1))
+    # All at one depth: whether errors grow is not to be seen.
+    assert auto_noise([Keyframe(shell, position=(0.0, 0.0, 0.0))]) == 0.0
+
+
+def test_neither_turns_nor_keyframes_cut_in_two_change_much() -> None:
+    seen = flight("slam", 0.05).keyframes
+    noise = auto_noise(seen)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turned = [
+        Keyframe(k.points @ turn.T, k.stamp, tuple((turn @ k.position).tolist())) for k in seen
+    ]
+    assert auto_noise(turned) == pytest.approx(noise, rel=0.05)
+    halves = [Keyframe(k.points[i::2], k.stamp, k.position) for k in seen for i in (0, 1)]
+    assert auto_noise(halves) == pytest.approx(noise, rel=0.25)
