@@ -124,8 +124,15 @@ def around(
             left, lower = corner(keys[column], side)
             divisions = grid.divisions[column]
             part = side / divisions
-            # From the middle of a fine column to its corners.
-            half = np.sqrt(0.5) * part
+            # From the middle of a fine column to its corners; and of the column.
+            half, whole = np.sqrt(0.5) * part, np.sqrt(0.5) * side
+            cx, cy = left + side / 2.0 - x, lower + side / 2.0 - y
+            along = cx * ux + cy * uy
+            nearest = min(max(along / (flat * flat), -reach), reach) if flat > 0.0 else 0.0
+            dx, dy = cx - nearest * ux, cy - nearest * uy
+            if dx * dx + dy * dy > (wide + whole) * (wide + whole):
+                column += 1
+                continue
             for number in range(grid.first[column], grid.first[column + 1]):
                 begin, end = fine[number], fine[number + 1]
                 if begin == end:
