@@ -33,13 +33,14 @@ from benchmarks.scans import (
     read,
 )
 from benchmarks.table import lines
+from mlscli.building.build import settled
 from mlscli.building.builder import MapBuilder
-from mlscli.building.cell_size import auto_cell_size
 from mlscli.commands.options import configured
 from mlscli.config import load
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.report import Report
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.runtime.arrays import Float64
 from mlscli.scoring import ColumnScore, MeshScore, Share, score_columns, score_mesh, score_scan
@@ -113,8 +114,7 @@ def pipelines(config: str | None = None, settings: Sequence[str] = ()) -> dict[s
     """Return the pipelines by name, the default one as configured."""
 
     def mapped(sample: Sample, parameters: Parameters, scale: float = 1.0) -> SurfaceMap:
-        if parameters.map.cell_size == "auto":
-            parameters = parameters.with_cell_size(auto_cell_size(sample.noisy))
+        parameters = settled(parameters, sample.keyframes, Report())
         builder = MapBuilder(parameters)
         for keyframe in sample.keyframes:
             x, y, z = (scale * axis for axis in keyframe.position)
