@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.maps.cells import key_of
-from mlscli.pipeline.stages.point_grid import PointGrid, corner, first_from
+from mlscli.pipeline.stages.point_grid import SHORT_POINTS, PointGrid, corner, first_from, wider
 from mlscli.runtime.arrays import Float64
 from mlscli.runtime.kernels import inner
 
@@ -35,8 +35,6 @@ _FEWEST = 4
 # Where points lie on a line, the plane is held level across it: their places count as if they were
 # blurred by this share of the reach.
 _BLUR = 1 / 400
-# Of a fine column with more points than this, only those of near heights are looked at.
-_SHORT_POINTS = 16
 
 
 class Ray(NamedTuple):
@@ -126,11 +124,9 @@ def around(
             part = side / divisions
             # From the middle of a fine column to its corners; and of the column.
             half, whole = np.sqrt(0.5) * part, np.sqrt(0.5) * side
-            cx, cy = left + side / 2.0 - x, lower + side / 2.0 - y
-            along = cx * ux + cy * uy
-            nearest = min(max(along / (flat * flat), -reach), reach) if flat > 0.0 else 0.0
-            dx, dy = cx - nearest * ux, cy - nearest * uy
-            if dx * dx + dy * dy > (wide + whole) * (wide + whole):
+            middle = left + side / 2.0 - x, lower + side / 2.0 - y
+            _, apart = _nearest(middle, ray.ahead, flat, reach)
+            if apart > (wide + whole) * (wide + whole):
                 column += 1
                 continue
             for number in range(grid.first[column], grid.first[column + 1]):
@@ -138,21 +134,20 @@ def around(
                 if begin == end:
                     continue
                 inside = number - grid.first[column]
-                cx = left + (inside // divisions + 0.5) * part - x
-                cy = lower + (inside % divisions + 0.5) * part - y
-                # Where, seen from above, the ray comes nearest to the middle of the fine column.
-                along = cx * ux + cy * uy
-                nearest = min(max(along / (flat * flat), -reach), reach) if flat > 0.0 else 0.0
-                dx, dy = cx - nearest * ux, cy - nearest * uy
-                if dx * dx + dy * dy > (wide + half) * (wide + half):
+                middle = (
+                    left + (inside // divisions + 0.5) * part - x,
+                    lower + (inside % divisions + 0.5) * part - y,
+                )
+                nearest, apart = _nearest(middle, ray.ahead, flat, reach)
+                if apart > (wide + half) * (wide + half):
                     continue
-                if end - begin > _SHORT_POINTS:
+                if end - begin > SHORT_POINTS:
                     span = min((wide + half) / flat, 2.0 * reach) if flat > 0.0 else reach
                     rise = abs(uz) * span + wide
                     begin = first_from(xyz, begin, end, z + nearest * uz - rise)
                     end = first_from(xyz, begin, end, z + nearest * uz + rise)
                 if size + end - begin > near.shape[1]:
-                    near = _wider(near, 2 * (size + end - begin))
+                    near = wider(near, 2 * (size + end - begin))
                 for j in range(begin, end):
                     dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
                     depth = (ux * dx + uy * dy) + uz * dz
@@ -172,6 +167,20 @@ def around(
                     size += 1
             column += 1
     return near, size
+
+
+@inner
+def _nearest(
+    place: tuple[float, float], ahead: tuple[float, float, float], flat: float, reach: float
+) -> tuple[float, float]:
+    """Return where a ray comes nearest to a place, seen from above, and the squared distance.
+
+    `place` is seen from the ray's point, and `flat` is the length of `ahead` seen from above.
+    """
+    (x, y), (ux, uy, _) = place, ahead
+    along = min(max((x * ux + y * uy) / (flat * flat), -reach), reach) if flat > 0.0 else 0.0
+    dx, dy = x - along * ux, y - along * uy
+    return along, dx * dx + dy * dy
 
 
 @inner
@@ -243,10 +252,3 @@ def crossing(
         return np.nan
     beyond = np.median(near[SQUARED, :size])
     return beyond / steps if abs(beyond) <= close else np.nan
-
-
-@inner
-def _wider(buffer: Float64, size: int) -> Float64:
-    wider = np.empty((buffer.shape[0], size))
-    wider[:, : buffer.shape[1]] = buffer
-    return wider

@@ -19,7 +19,7 @@ from mlscli.runtime.threads import in_ranges
 
 _IN_EACH = 5
 # Of a fine column with more points than this, only those of near heights are taken.
-_SHORT_POINTS = 16
+SHORT_POINTS = 16
 
 
 class PointGrid(NamedTuple):
@@ -214,12 +214,12 @@ def gather(
             row = firsts[column] + ix * divisions
             for number in range(row + lowest, row + highest + 1):
                 begin, end = fine[number], fine[number + 1]
-                if end - begin > _SHORT_POINTS:
+                if end - begin > SHORT_POINTS:
                     begin = first_from(xyz, begin, end, heights[0] - far)
                     end = first_from(xyz, begin, end, heights[1] + far)
                     cut |= end - begin < fine[number + 1] - fine[number]
                 if size + end - begin >= near.shape[1]:
-                    near = _wider(near, 2 * (size + end - begin))
+                    near = wider(near, 2 * (size + end - begin))
                 for j in range(begin, end):
                     # Written first and counted then, which avoids an unpredictable branch.
                     x, y = xyz[j, 0], xyz[j, 1]
@@ -231,7 +231,8 @@ def gather(
 
 
 @inner
-def _wider(buffer: Float64, size: int) -> Float64:
+def wider(buffer: Float64, size: int) -> Float64:
+    """Return a buffer with more columns, and what it holds."""
     wider = np.empty((buffer.shape[0], size))
     for row in range(buffer.shape[0]):
         for j in range(buffer.shape[1]):
