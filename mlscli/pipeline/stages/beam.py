@@ -17,7 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.maps.cells import key_of
-from mlscli.pipeline.stages.point_grid import SHORT_POINTS, PointGrid, corner, first_from, wider
+from mlscli.pipeline.stages.point_grid import (
+    SHORT_POINTS,
+    PointGrid,
+    corner,
+    first_from,
+    part,
+    wider,
+)
 from mlscli.runtime.arrays import Float64
 from mlscli.runtime.kernels import inner
 
@@ -121,66 +128,65 @@ def around(
         while column < len(keys) and keys[column] <= last:
             left, lower = corner(keys[column], side)
             divisions = grid.divisions[column]
-            part = side / divisions
-            # From the middle of a fine column to its corners; and of the column.
-            half, whole = np.sqrt(0.5) * part, np.sqrt(0.5) * side
-            middle = left + side / 2.0 - x, lower + side / 2.0 - y
-            _, apart = _nearest(middle, ray.ahead, flat, reach)
-            if apart > (wide + whole) * (wide + whole):
-                column += 1
-                continue
-            for number in range(grid.first[column], grid.first[column + 1]):
-                begin, end = fine[number], fine[number + 1]
-                if begin == end:
+            width = side / divisions
+            west, south = left - x, lower - y
+            for fx in range(divisions):
+                # Where the ray passes the strip of fine columns, seen from above; and these there.
+                low = west + fx * width - wide
+                back, ahead = _passage(low, low + width + 2.0 * wide, ux, reach)
+                if back > ahead:
                     continue
-                inside = number - grid.first[column]
-                middle = (
-                    left + (inside // divisions + 0.5) * part - x,
-                    lower + (inside % divisions + 0.5) * part - y,
-                )
-                nearest, apart = _nearest(middle, ray.ahead, flat, reach)
-                if apart > (wide + half) * (wide + half):
+                low = min(back * uy, ahead * uy) - wide - south
+                high = max(back * uy, ahead * uy) + wide - south
+                if high < 0.0 or low > side:
                     continue
-                if end - begin > SHORT_POINTS:
-                    span = min((wide + half) / flat, 2.0 * reach) if flat > 0.0 else reach
-                    rise = abs(uz) * span + wide
-                    begin = first_from(xyz, begin, end, z + nearest * uz - rise)
-                    end = first_from(xyz, begin, end, z + nearest * uz + rise)
-                if size + end - begin > near.shape[1]:
-                    near = wider(near, 2 * (size + end - begin))
-                for j in range(begin, end):
-                    dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
-                    depth = (ux * dx + uy * dy) + uz * dz
-                    a = level_x * dx + level_y * dy
-                    b = (up_x * dx + up_y * dy) + up_z * dz
-                    squared = a * a + b * b
-                    if abs(depth) > reach or squared > radius * radius or j == itself:
-                        continue
-                    sigma = seen.sigma[j]
-                    vx, vy, vz = seen.ahead[j, 0], seen.ahead[j, 1], seen.ahead[j, 2]
-                    cosine = (ux * vx + uy * vy) + uz * vz
-                    aside = sigma * sigma * (1.0 - cosine * cosine)
-                    if sigma > 2.0 * ray.sigma or aside > across * across:
-                        continue
-                    near[LEVEL, size], near[ACROSS, size] = a, b
-                    near[DEPTH, size], near[SQUARED, size] = depth, squared
-                    size += 1
+                row = grid.first[column] + fx * divisions
+                lowest, highest = part(low, side, divisions), part(high, side, divisions)
+                for number in range(row + lowest, row + highest + 1):
+                    begin, end = fine[number], fine[number + 1]
+                    if end - begin > SHORT_POINTS:
+                        low = south + (number - row) * width - wide
+                        since, until = _passage(low, low + width + 2.0 * wide, uy, reach)
+                        since, until = max(since, back), min(until, ahead)
+                        if since > until:
+                            continue
+                        low, high = min(since * uz, until * uz), max(since * uz, until * uz)
+                        begin = first_from(xyz, begin, end, z + low - wide)
+                        end = first_from(xyz, begin, end, z + high + wide)
+                    if size + end - begin > near.shape[1]:
+                        near = wider(near, 2 * (size + end - begin))
+                    for j in range(begin, end):
+                        dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
+                        depth = (ux * dx + uy * dy) + uz * dz
+                        a = level_x * dx + level_y * dy
+                        b = (up_x * dx + up_y * dy) + up_z * dz
+                        squared = a * a + b * b
+                        if abs(depth) > reach or squared > radius * radius or j == itself:
+                            continue
+                        sigma = seen.sigma[j]
+                        vx, vy, vz = seen.ahead[j, 0], seen.ahead[j, 1], seen.ahead[j, 2]
+                        cosine = (ux * vx + uy * vy) + uz * vz
+                        aside = sigma * sigma * (1.0 - cosine * cosine)
+                        if sigma > 2.0 * ray.sigma or aside > across * across:
+                            continue
+                        near[LEVEL, size], near[ACROSS, size] = a, b
+                        near[DEPTH, size], near[SQUARED, size] = depth, squared
+                        size += 1
             column += 1
     return near, size
 
 
 @inner
-def _nearest(
-    place: tuple[float, float], ahead: tuple[float, float, float], flat: float, reach: float
-) -> tuple[float, float]:
-    """Return where a ray comes nearest to a place, seen from above, and the squared distance.
+def _passage(low: float, high: float, slope: float, reach: float) -> tuple[float, float]:
+    """Return the first and the last place on a ray at which a coordinate lies between two values.
 
-    `place` is seen from the ray's point, and `flat` is the length of `ahead` seen from above.
+    At the ray's point the coordinate is 0, and it grows with `slope`. There is no such place where
+    the first lies beyond the last.
     """
-    (x, y), (ux, uy, _) = place, ahead
-    along = min(max((x * ux + y * uy) / (flat * flat), -reach), reach) if flat > 0.0 else 0.0
-    dx, dy = x - along * ux, y - along * uy
-    return along, dx * dx + dy * dy
+    if slope == 0.0:
+        return (-reach, reach) if low <= 0.0 <= high else (1.0, 0.0)
+    first, last = low / slope, high / slope
+    return max(min(first, last), -reach), min(max(first, last), reach)
 
 
 @inner
