@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +55,7 @@ class PointSample:
     def _settle(self) -> None:
         points = np.concatenate([self._points, *self._waiting]) + 0.0
         points = points[(np.abs(points) <= FARTHEST).all(axis=1)]
-        self._keys, first = np.unique(_hash(points), return_index=True)
+        self._keys, first = np.unique(hashed(points.T), return_index=True)
         self._keys, self._points = self._keys[: self._size], points[first[: self._size]]
         self._waiting, self._unsettled = [], 0
 
@@ -168,15 +169,30 @@ def chosen(points: Float64, size: int) -> Float64:
     """
     if len(points) <= size:
         return points
-    return points[np.argpartition(_hash(points), size)[:size]]
+    return points[np.argpartition(hashed(points.T), size)[:size]]
 
 
-def _hash(points: Float64) -> UInt64:
-    """Return a hash of each point (N, 3), uint64 (N,): bits mixed as in S. Vigna's splitmix64."""
-    key = np.zeros(len(points), dtype=np.uint64)
-    for bits in np.ascontiguousarray(points).view(np.uint64).T:
-        key = (key ^ bits) + np.uint64(0x9E3779B97F4A7C15)
-        key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+def hashed(columns: Iterable[Float64]) -> UInt64:
+    """Return a hash of each row, uint64 (N,): bits mixed as in S. Vigna's splitmix64.
+
+    Parameters
+    ----------
+    columns : iterable of float64 (N,)
+        Coordinates, an axis after the other, free of -0.0.
+    """
+    key = np.empty(0, dtype=np.uint64)
+    for axis, column in enumerate(columns):
+        bits = np.ascontiguousarray(column).view(np.uint64)
+        if axis:
+            key ^= bits
+        else:
+            key = bits.copy()
+        # Columns can be long, and computed one by one: none is kept beside the next.
+        del bits, column
+        key += np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(30)
+        key *= np.uint64(0xBF58476D1CE4E5B9)
+        key ^= key >> np.uint64(27)
+        key *= np.uint64(0x94D049BB133111EB)
         key ^= key >> np.uint64(31)
     return key
