@@ -13,7 +13,7 @@ from statistics import harmonic_mean, mean
 
 import numpy as np
 
-from mlscli.building.cell_size import auto_cell_size
+from mlscli.building.sizes import auto_cell_size
 from mlscli.keyframes.batches import gather
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters

@@ -14,6 +14,7 @@ from mlscli.version import __version__
 if TYPE_CHECKING:
     from mlscli.building.build import build_map
     from mlscli.building.builder import MapBuilder
+    from mlscli.building.sizes import fit_sizes
     from mlscli.config import load as load_parameters
     from mlscli.io.reading.recording import open_recording
     from mlscli.io.writing.glb import write_glb
@@ -37,6 +38,7 @@ __all__ = [
     "__version__",
     "build_map",
     "build_mesh",
+    "fit_sizes",
     "load_parameters",
     "merge_maps",
     "open_recording",
@@ -56,6 +58,7 @@ _HOMES = {
     "Parameters": ("mlscli.pipeline.parameters", "Parameters"),
     "SurfaceMap": ("mlscli.maps.surface_map", "SurfaceMap"),
     "build_map": ("mlscli.building.build", "build_map"),
+    "fit_sizes": ("mlscli.building.sizes", "fit_sizes"),
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
     "merge_maps": ("mlscli.maps.merging", "merge_maps"),

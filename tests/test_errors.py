@@ -69,9 +69,6 @@ def test_notes_and_lists_name_options_too(tmp_path: Path) -> None:
     for words in ("; ".join(notes), "; ".join(json.loads(foreseen.stdout)["notes"])):
         assert "--columns says what they hold" in words
     assert "(--size N)" in mls("synth", "--list", cwd=tmp_path).stdout
-    (tmp_path / "one.txt").write_text("1 2 3\n" * 9)
-    (note,) = json.loads(mls("info", "one.txt", "--json", cwd=tmp_path).stdout)[0]["notes"]
-    assert "say --cumulative, else" in note
 
 
 def test_the_same_fault_is_an_argument_in_the_library_and_an_option_of_the_command(

@@ -163,6 +163,7 @@ WRONG: list[tuple[Callable[[Path], object], str, str]] = [
     (lambda _: mlscli.Parameters(pipeline=("median",)), "pipeline", "Median"),  # type: ignore[arg-type]
     (lambda _: mlscli.Parameters(pipeline=1), "pipeline", "Median"),  # type: ignore[arg-type]
     (lambda _: mlscli.build_map(SAMPLE, EDGE, jobs="2"), "jobs", "whole number"),  # type: ignore[arg-type]
+    (lambda _: mlscli.fit_sizes([np.ones((3, 3))]), "clouds", "keyframes"),  # type: ignore[list-item]
     (lambda _: mlscli.MapBuilder(EDGE).add(np.ones((3, 3))), "keyframe", "Keyframe"),  # type: ignore[arg-type]
     (lambda _: SURFACE.with_columns(height=[1.0, 2.0]), "height", "an array"),
 ]
@@ -184,6 +185,7 @@ def test_a_wrong_type_is_refused_with_what_is_right(
 # Functions with arguments that are right.
 CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "build_map": (mlscli.build_map, {"source": SAMPLE, "parameters": EDGE}),
+    "fit_sizes": (mlscli.fit_sizes, {"clouds": SCAN}),
     "open_recording": (partial(mlscli.open_recording, SAMPLE), {}),
     "load_parameters": (mlscli.load_parameters, {}),
     "read_map": (mlscli.read_map, {}),

@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from benchmarks import real
 from benchmarks.instead import INSTEAD, voxels
 from benchmarks.scans import SCANS, Scan, cell_of, drawn, flown
-from mlscli.building.cell_size import auto_cell_size
+from mlscli.building.sizes import auto_cell_size
 from mlscli.runtime.arrays import Float64
 from mlscli.scoring import ColumnScore, EndErrors, OriginScore, Share, score_mesh
 from tests.helpers.maps import Patch, map_of

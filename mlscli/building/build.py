@@ -11,18 +11,19 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mlscli.building.builder import Follower, MapBuilder, check_workers
-from mlscli.building.cell_size import auto_cell_size
 from mlscli.building.depth_noise import auto_noise
+from mlscli.building.sizes import fit_sizes
 from mlscli.errors import InputError, expect
 from mlscli.io.reading.recording import Recording, open_recording
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.cluster import Cluster
 from mlscli.pipeline.tilewise.connection import connected
 from mlscli.runtime.arrays import Array
+from mlscli.runtime.notices import notice
 
 
 class Build(NamedTuple):
@@ -91,10 +92,12 @@ def build(
     recording = _opened(source)
     reading = Report()
     held: Iterator[Keyframe] | None = None
-    if parameters.map.cell_size == "auto" or parameters.lacks_noise:
+    if parameters.map.cell_size == AUTO or parameters.lacks_noise:
         # These come from the whole recording, before the first batch.
         keyframes = deque(read(recording, reading, progress))
         parameters = settled(parameters, keyframes, reading, progress)
+        for doubt in reading.doubts:
+            notice(doubt)
         # Each keyframe is freed once it is taken.
         held = (keyframes.popleft() for _ in range(len(keyframes)))
     builder = MapBuilder(
@@ -129,18 +132,22 @@ def settled(
 ) -> Parameters:
     """Return parameters with numbers for what is ``auto``, found from all keyframes.
 
-    The time that this takes is added to the report.
+    The report receives the time that this takes, why sizes were chosen, and what is doubtful.
     """
     if parameters.lacks_noise:
         with report.timed("noise"):
             parameters = parameters.with_noise(auto_noise(keyframes))
-    if parameters.map.cell_size == "auto":
-        xyz = np.concatenate([keyframe.points for keyframe in keyframes])
+    if parameters.map.cell_size == AUTO:
+        total = sum(len(keyframe.points) for keyframe in keyframes)
         with report.timed("cell size"):
-            size = auto_cell_size(
-                xyz, progress and (lambda done: progress("cell size", done, len(xyz)))
+            fitted = fit_sizes(
+                keyframes,
+                parameters,
+                progress and (lambda done: progress("cell size", done, total)),
             )
-        parameters = parameters.with_cell_size(size)
+        parameters = fitted.parameters
+        report.sizes |= fitted.reasons
+        report.doubts += fitted.doubts
     return parameters
 
 

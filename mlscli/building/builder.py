@@ -276,6 +276,7 @@ def map_meta(
         "sources": list(sources),
         "reading": dict(reading),
         "parameters": to_dict(parameters),
+        "sizes": dict(report.sizes),
         "points": {
             "read": report.points_read,
             "dropped": dict(sorted(report.dropped.items())),

@@ -29,7 +29,7 @@ from mlscli.maps.patches import runs
 from mlscli.maps.records import records_of, surface_of
 from mlscli.maps.stored_map import StoredMap
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.blocks import PointBlocks
@@ -117,7 +117,7 @@ def build_large(
         As for `build`.
     """
     refuse_local(scheduler)
-    if parameters.map.cell_size == "auto":
+    if parameters.map.cell_size == AUTO:
         raise UsageError(
             "`memory`: needs a number for map.cell_size; auto looks at the whole recording at once"
         )

@@ -232,6 +232,7 @@ def _account(
     return {
         "map": target,
         **describe(built.surface),
+        "sizes": meta["sizes"],
         "vehicle": parameters.vehicle.in_units(surface.grid.cell_size),
         "points": meta["points"],
         "keyframes": meta["keyframes"],
@@ -277,7 +278,7 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
             f"{points['read']:,} read: " + ", ".join([f"{points['kept']:,} kept", *dropped]),
         ),
         ("keyframes", f"{account['keyframes']:,} in {batches}, {account['mode']}"),
-        *report.map_rows(account),
+        *report.map_rows(account, account["sizes"]),
         ("vehicle", report.craft(parameters.vehicle, account["cell_size"])),
         ("time", f"{total:.2f} s, {account['points_per_second']:,.0f} points/s"),
         ("", ", ".join(f"{what} {spent:.3f}" for what, spent in longest_first)),

@@ -62,8 +62,10 @@ def report_build(
 def _text(account: dict[str, Any], parameters: Parameters) -> str:
     auto = parameters.map.cell_size == "auto"
     in_cells = not isinstance(parameters.map.gap_size, int | float)
-    read = account["read"]
+    read, why = account["read"], account["sizes"]
     about = "" if read["all"] else "about "
+    cell_size = _number(account["cell_size"], about if auto else "")
+    gap_size = _number(account["gap_size"], about if auto and in_cells else "")
     rows = [
         ("clouds", ", ".join(account["clouds"])),
         ("frame", account["frame_id"]),
@@ -71,8 +73,8 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
         ("keyframes", _keyframes(account, about)),
         ("points", _number(account["points"], about)),
         ("patches", _number(account["patches"], "" if account["whole"] else "about ")),
-        ("cell size", _number(account["cell_size"], about if auto else "")),
-        ("gap size", _number(account["gap_size"], about if auto and in_cells else "")),
+        ("cell size", report.reasoned(cell_size, why.get("cell_size"))),
+        ("gap size", report.reasoned(gap_size, why.get("gap_size"))),
         ("vehicle", report.craft(parameters.vehicle, None if auto else account["cell_size"])),
         ("time", _duration(account["seconds"])),
         ("judged by", _judged_by(read)),

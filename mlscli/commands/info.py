@@ -170,7 +170,7 @@ def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     meta = result["meta"]
     points = meta.get("points", {})
     return [
-        *report.map_rows(result),
+        *report.map_rows(result, meta.get("sizes")),
         ("keyframes", f"{result['keyframes']:,} in {report.some(meta.get('batches', 0), 'batch')}"),
         ("points", report.counts({n: c for n, c in points.items() if isinstance(c, int)})),
         ("sources", ", ".join(meta.get("sources", []))),

@@ -59,8 +59,27 @@ def craft(vehicle: Vehicle, cell_size: float | None) -> str:
     return f"{size(vehicle.width, 'wide')}, {size(vehicle.height, 'high')}"
 
 
-def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the rows on what a map holds, given what `mlscli.maps.summary.describe` returns."""
+def reasoned(text: str, reason: str | None) -> str:
+    """Return a text with the reason behind it, if there is one."""
+    return f"{text} ({reason})" if reason else text
+
+
+def map_rows(
+    description: Mapping[str, Any], why: Mapping[str, str] | None = None
+) -> list[tuple[str, str]]:
+    """Return the rows on what a map holds.
+
+    Parameters
+    ----------
+    description : mapping
+        What `mlscli.maps.summary.describe` returns.
+    why : mapping of str to str, optional
+        Why sizes were chosen, by name, as the map's meta says.
+    """
+
+    def size(name: str) -> str:
+        return reasoned(f"{description[name]:.6g}", (why or {}).get(name))
+
     patches = dict(description["patches"])
     total, vertical = patches.pop("total"), patches.pop("vertical")
     by_origin = counts(patches)
@@ -69,8 +88,8 @@ def map_rows(description: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("levels", levels(description["levels"])),
         ("extent", bounds(description["extent"])),
         ("area", f"{description['area']:.6g} in {some(description['cells'], 'cell')}"),
-        ("cell size", f"{description['cell_size']:.6g}"),
-        ("gap size", f"{description['gap_size']:.6g}"),
+        ("cell size", size("cell_size")),
+        ("gap size", size("gap_size")),
         ("thickness", f"{description['thickness']:.6g}"),
         ("regions", f"{description['regions']:,}" if description["regions"] else ""),
         ("frame", description["frame_id"]),

@@ -99,7 +99,7 @@ class ParameterField:
     @property
     def default_words(self) -> str:
         """What holds where no value is given, in words."""
-        if self.default_from is None:
+        if self.default_from is None or self.default is not None:
             return write_value(self.default)
         least = "" if self.at_least is None else f", at least {write_value(self.at_least)}"
         return f"{self.default_from}{least}"

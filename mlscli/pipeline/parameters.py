@@ -20,6 +20,9 @@ from mlscli.pipeline.stages.stage import Fault, PointStage, Stage
 # Cell indices are int32.
 MAX_INDEX = 2**31 - 1
 
+AUTO = "auto"
+"""The value of a size that the points of the recording decide, see `mlscli.building.sizes`."""
+
 # The attribute in which a completed section or stage remembers what was given.
 _GIVEN = "_given"
 
@@ -43,8 +46,12 @@ class MapParameters:
     cell_size: float | Literal["auto"] = parameter(
         "auto", "side of a cell; auto: from the distances of the recording's points", above=0
     )
-    gap_size: Length | None = parameter(
-        None, "heights farther apart are two patches", low=0, default_from="vehicle.height"
+    gap_size: Length | Literal["auto"] | None = parameter(
+        "auto",
+        "heights farther apart are two patches; null: the vehicle's height; auto: this, or less "
+        "where cell_size is auto and the points lie on hardly any walls",
+        low=0,
+        default_from="vehicle.height",
     )
     thickness: Length = parameter(Cells(1), "a patch that spreads wider is vertical", low=0)
 
@@ -87,7 +94,7 @@ class Parameters:
     """All that a map depends on besides its points.
 
     A field that is None takes the value of the parameter that its `default_from` names, as soon as
-    it is known.
+    it is known; one that is ``auto`` does so beside a `cell_size` that is a number.
 
     Attributes
     ----------
@@ -129,12 +136,16 @@ class Parameters:
         """
         given = part = _as_given(part)
         for item in fields_of(type(part)).values():
-            if item.default_from is not None and getattr(part, item.name) is None:
+            if item.default_from is not None and self._is_left_out(getattr(part, item.name)):
                 followed = self.value(item.default_from, part)
                 part = replace(part, **{item.name: item.following(followed, self._cell_size)})
         if part is not given:
             object.__setattr__(part, _GIVEN, given)
         return part
+
+    def _is_left_out(self, value: object) -> bool:
+        """Return whether a parameter takes its value from another: nothing else decides it."""
+        return value is None or (value == AUTO and self._cell_size is not None)
 
     def value(self, path: str, part: object) -> Any:
         """Return the value of a parameter: of a section by its full name, or else of `part`."""
@@ -156,15 +167,22 @@ class Parameters:
             Where `cell_size` is ``auto``.
         """
         size, gap_size = self._cell_size, self.map.gap_size
-        if size is None or gap_size is None:
+        if size is None or gap_size is None or isinstance(gap_size, str):
             raise UsageError(
                 "map.cell_size: a growing map needs a number, not auto; "
                 "see Parameters.with_cell_size"
             )
         return Grid(size, in_units(gap_size, size), in_units(self.map.thickness, size), frame_id)
 
-    def with_cell_size(self, cell_size: float) -> Parameters:
+    def with_cell_size(self, cell_size: float, gap_size: float | None = None) -> Parameters:
         """Return the same parameters with this `cell_size`, checked.
+
+        Parameters
+        ----------
+        cell_size : float
+            Side of a cell, in the unit of the recording.
+        gap_size : float, optional
+            What takes the place of ``auto``, in that unit; by default the vehicle's height.
 
         Raises
         ------
@@ -172,7 +190,10 @@ class Parameters:
             Where a value is out of range or two contradict each other, now that lengths in
             units and in cells can be compared.
         """
-        settled = replace(self, map=replace(_as_given(self.map), cell_size=cell_size))
+        grid = replace(_as_given(self.map), cell_size=cell_size)
+        if gap_size is not None and grid.gap_size == AUTO:
+            grid = replace(grid, gap_size=gap_size)
+        settled = replace(self, map=grid)
         settled.check()
         return settled
 
@@ -246,6 +267,7 @@ def contradictions(parameters: Parameters) -> Iterator[Contradiction]:
     """Yield the contradictions among parameters, each of which is in range by itself."""
     cell_size = parameters.map.cell_size
     size = cell_size if isinstance(cell_size, int | float) else None
+    gap_size = _greatest_gap_size(parameters)
     for name in SECTIONS:
         for fault in _too_long(parameters, getattr(parameters, name), size):
             yield Contradiction(name, None, *fault)
@@ -257,8 +279,14 @@ def contradictions(parameters: Parameters) -> Iterator[Contradiction]:
             message = f"works on points but stands after {map_stage}, which works on the map"
             yield Contradiction(stage.name, index, "", f"{message}; put it before")
         faults = list(_too_long(parameters, stage, size))
-        for fault in faults or _stage_faults(stage, size, parameters.map.gap_size):
+        for fault in faults or _stage_faults(stage, size, gap_size):
             yield Contradiction(stage.name, index, *fault)
+
+
+def _greatest_gap_size(parameters: Parameters) -> Length | None:
+    """Return the gap size; where the points decide, the vehicle's height, which is the most."""
+    gap_size = parameters.map.gap_size
+    return parameters.vehicle.height if isinstance(gap_size, str) else gap_size
 
 
 def conditional_faults(parameters: Parameters) -> list[str]:
@@ -266,10 +294,11 @@ def conditional_faults(parameters: Parameters) -> list[str]:
 
     Each is led by these sizes: ``cells smaller than 0.25: plaster.max_gap_enhanced: 2 cells ...``.
     """
-    if parameters.map.cell_size != "auto":
+    if parameters.map.cell_size != AUTO:
         return []
     # The sizes of cells at which a length in cells becomes longer than one in units.
-    turns = sorted({turn for each in parameters.pipeline for turn in _turns(parameters.map, each)})
+    grid = replace(parameters.map, gap_size=_greatest_gap_size(parameters))
+    turns = sorted({turn for each in parameters.pipeline for turn in _turns(grid, each)})
     sizes = [low + (high - low) / 2 for low, high in pairwise([0.0, *turns])]
     sizes += [2 * turn for turn in turns[-1:]]
     found: dict[str, list[int]] = {}
@@ -305,7 +334,7 @@ def _too_long(parameters: Parameters, part: object, cell_size: float | None) -> 
     """
     for item in fields_of(type(part)).values():
         length = getattr(part, item.name)
-        if item.name == "cell_size" or length is UNKNOWN or length is None:
+        if item.name == "cell_size" or length is UNKNOWN or length is None or length == AUTO:
             continue
         if item.default_from is not None and parameters.value(item.default_from, part) == length:
             continue

@@ -23,6 +23,10 @@ class Report:
         Wall time (s) by step, summed over threads where the map is evaluated tile by tile.
     slowest_batch : float or None
         Wall time (s) of the batch that took longest; None where the map did not grow by batches.
+    sizes : dict of str to str
+        Why ``cell_size`` and ``gap_size`` were chosen, where they were ``auto``.
+    doubts : list of str
+        Where what was chosen is beyond reason, a line each.
     """
 
     points_read: int = 0
@@ -30,6 +34,8 @@ class Report:
     batches: int = 0
     seconds: Counter[str] = field(default_factory=Counter)
     slowest_batch: float | None = None
+    sizes: dict[str, str] = field(default_factory=dict)
+    doubts: list[str] = field(default_factory=list)
 
     def drop(self, reason: str, points: int) -> None:
         """Count points dropped for a reason; negative: points that came back as the map grew."""
@@ -40,10 +46,12 @@ class Report:
             del self.dropped[reason]
 
     def add(self, part: Report) -> None:
-        """Add what a part of the work has dropped, and the time it took, but no other counts."""
+        """Add what a part of the work has dropped and chosen, and its time, but no other counts."""
         for reason, points in part.dropped.items():
             self.drop(reason, points)
         self.seconds.update(part.seconds)
+        self.sizes |= part.sizes
+        self.doubts += part.doubts
 
     def timed(self, what: str) -> Timed:
         """Return a context that adds the wall time of its block to ``seconds[what]``."""

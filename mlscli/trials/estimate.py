@@ -8,8 +8,8 @@ build; otherwise they are extrapolated:
 - points and batches: in proportion to the keyframes;
 - patches: by a power of the points, fitted to the last two parts: a flight over new ground adds
   patches in proportion, one over the same ground adds few;
-- cell size: that of the points read. Where ground is seen again later, points lie closer, and the
-  cells of the build are smaller;
+- cell and gap size: those of the points read. Where ground is seen again later, points lie closer,
+  and the cells of the build are smaller;
 - time: of reading, in proportion to the keyframes; of building, by a power of the points within
   the keyframes read, and in proportion to the keyframes beyond.
 """
@@ -62,6 +62,8 @@ class Estimate:
         How many batches and points there are, and how many patches the map has.
     cell_size, gap_size, thickness : float or None
         Lengths of the map, in the unit of the recording.
+    sizes : dict of str to str
+        Why the first two were chosen, where they were ``auto``.
     seconds : float or None
         Wall time of the build.
     read : dict
@@ -84,6 +86,7 @@ class Estimate:
     cell_size: float | None
     gap_size: float | None
     thickness: float | None
+    sizes: dict[str, str]
     seconds: float | None
     read: dict[str, Any]
     notes: list[str]
@@ -157,13 +160,18 @@ def estimate_build(
         keyframes=total if glance.cut else len(keyframes),
         counted=declared is not None,
         **known,
+        sizes=trial.settling.sizes if trial is not None else {},
         read={
             "all": not glance.cut,
             "keyframes": tally.keyframes,
             "points": tally.points_read,
             "dropped": dropped,
         },
-        notes=[*recording.notes, *_reservations(recording, glance)],
+        notes=[
+            *recording.notes,
+            *(trial.settling.doubts if trial is not None else []),
+            *_reservations(recording, glance),
+        ],
         lost=recording.losses,
     )
 
@@ -190,7 +198,7 @@ def _reservations(recording: Recording, glance: Glance) -> Iterator[str]:
 
 def _lengths(parameters: Parameters) -> dict[str, float | None]:
     """Return the lengths of the map in the unit of the recording; None where cells are auto."""
-    if parameters.map.cell_size == "auto":
+    if parameters.map.cell_size == AUTO:
         return dict.fromkeys(LENGTHS)
     grid = parameters.grid()
     return {name: getattr(grid, name) for name in LENGTHS}
@@ -223,6 +231,8 @@ class _Trial:
         The time (s) that does not grow with the points.
     lengths : dict
         ``cell_size``, ``gap_size`` and ``thickness``, in the unit of the recording.
+    settling : Report
+        Why sizes that were ``auto`` were chosen, and what is doubtful.
     """
 
     def __init__(
@@ -232,7 +242,8 @@ class _Trial:
         self.batches = sum(1 for _ in batches(keyframes, parameters.batch.min_points))
         tried = _slab(keyframes, _AT_MOST)
         begin = time.perf_counter()
-        parameters = settled(parameters, tried, Report())
+        self.settling = Report()
+        parameters = settled(parameters, tried, self.settling)
         sizing = (time.perf_counter() - begin) / _size(tried)
         self.lengths = _lengths(parameters)
         self.growth = self._slowing = 1.0

@@ -19,7 +19,7 @@ import numpy as np
 
 from mlscli.building.builder import MapBuilder
 from mlscli.errors import InputError, UsageError
-from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.runtime.arrays import Float64
 from mlscli.trials.quality import CELL_SIZE, flown
 
@@ -125,7 +125,7 @@ def measured(
     progress : callable, optional
         Called with what is being done, how many sizes are done, and how many there are.
     """
-    if parameters.map.cell_size == "auto":
+    if parameters.map.cell_size == AUTO:
         parameters = parameters.with_cell_size(CELL_SIZE)
     points = _points(max(POINTS, 2 * max(sizes)))
     first, later = (_until_first(points[: sizes[0]], parameters) for _ in range(2))

@@ -14,7 +14,7 @@ from typing import Any
 from mlscli.building.builder import MapBuilder
 from mlscli.errors import UsageError
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.pipeline.parameters import Parameters
+from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.pipeline.stages.stage import Stage
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.noise import Noise
@@ -115,7 +115,7 @@ def table(
         Where there is no seed or no such preset.
     """
     parameters = Parameters() if parameters is None else parameters
-    if parameters.map.cell_size == "auto":
+    if parameters.map.cell_size == AUTO:
         parameters = parameters.with_cell_size(CELL_SIZE)
     pipelines = list(_growing(parameters.pipeline))
     seeds = list(seeds)

@@ -19,9 +19,8 @@ from hypothesis import strategies as st
 from mlscli.building.batching import BEYOND_GRID
 from mlscli.building.build import build_map
 from mlscli.building.builder import MapBuilder
-from mlscli.building.cell_size import auto_cell_size
 from mlscli.config import loads
-from mlscli.errors import InputError, UsageError
+from mlscli.errors import UsageError
 from mlscli.io.reading.recording import open_recording
 from mlscli.keyframes.batches import Points, batches
 from mlscli.keyframes.keyframe import Keyframe
@@ -31,7 +30,6 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.stages.stage import MapStage, PointStage
-from mlscli.runtime.arrays import Float64
 from tests.helpers.maps import add_measured, random_points, symmetries, turned_map, turned_points
 
 SIZES = "map: {cell_size: 0.5, gap_size: 0.75, thickness: 0.25}\n"
@@ -247,43 +245,6 @@ def test_a_builder_refuses_workers_without_work() -> None:
         MapBuilder(parameters(""), follow=lambda _: None, cluster=cluster)
     with pytest.raises(UsageError, match="`jobs`: does not go with `cluster`, whose workers have"):
         MapBuilder(parameters(""), jobs=2, cluster=cluster)
-
-
-# --- cell_size: auto ---
-
-
-def test_the_cells_of_a_lattice_are_two_spacings_wide() -> None:
-    x, y = np.meshgrid(np.arange(40) * 0.13, np.arange(40) * 0.13)
-    assert auto_cell_size(np.c_[x.ravel(), y.ravel(), 0 * x.ravel()]) == 0.26
-
-
-@settings(max_examples=30, deadline=None)
-@given(seeds)
-def test_order_symmetry_and_a_few_outliers_do_not_change_the_cell_size(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    points = Points.of(rng.uniform(0, 5, (400, 3)), np.zeros(400, dtype=np.int32))
-    size = auto_cell_size(points.xyz)
-    assert auto_cell_size(rng.permutation(points.xyz)) == size
-    for symmetry in symmetries():
-        assert auto_cell_size(turned_points(points, symmetry).xyz) == size
-    outliers = np.concatenate((points.xyz, rng.uniform(-1e6, 1e6, (8, 3))))
-    assert auto_cell_size(outliers) == pytest.approx(size, rel=0.1)
-
-
-@pytest.mark.parametrize("cloud", [np.zeros((3, 3)), np.zeros((50, 3))])
-def test_where_auto_has_no_answer_it_asks_for_a_number(cloud: Float64) -> None:
-    with pytest.raises(InputError, match=r"set map\.cell_size to a number"):
-        auto_cell_size(cloud)
-
-
-def test_the_fourth_neighbour_counts() -> None:
-    # On a line the fourth neighbour of most points is two spacings away.
-    line = np.c_[np.arange(200) * 0.5, np.zeros((200, 2))]
-    assert auto_cell_size(line) == 2.0
-    # In a row of fives, far from each other, it is the farthest of the five.
-    fives = np.concatenate([np.arange(5) * 0.1 + 100 * k for k in range(50)])
-    middle = auto_cell_size(np.c_[fives, np.zeros((250, 2))])
-    assert middle == pytest.approx(0.6)
 
 
 def test_what_the_reader_dropped_and_what_the_stages_dropped_are_both_told(tmp_path: Path) -> None:

@@ -39,9 +39,13 @@ def test_a_map_is_built_beside_a_summary_that_accounts_for_every_point(folder: P
     assert int(surface.count.sum()) == 400
     assert "400 read: 400 kept" in done.stdout
     assert "2 in 2 batches" in done.stdout
-    # It says how it read the columns; no bar moves where nobody watches.
-    assert done.stderr.count("\n") == 1
+    assert "0.2 (auto: twice the usual distance of a point to its fourth neighbour)" in done.stdout
+    assert f"{surface.gap_size:.6g} (auto: half a cell, as only 0.0% of" in done.stdout
+    assert set(surface.meta["sizes"]) == {"cell_size", "gap_size"}
+    # It says how it read the columns, and that ten cells are few; no bar moves unwatched.
+    assert done.stderr.count("\n") == 2
     assert "keyframe" in done.stderr
+    assert "mls: cell_size: auto: 0.2 is coarse for a scene of 1.9 by 1.9" in done.stderr
     assert "\r" not in done.stderr
 
 

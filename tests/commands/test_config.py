@@ -70,11 +70,10 @@ def test_init_of_no_preset_is_told_the_nearest_and_writes_nothing(folder: Path) 
 
 def test_show_prints_what_is_in_force_as_a_configuration(folder: Path) -> None:
     (folder / "p.yaml").write_text("vehicle: {width: 0.3}\n")
-    settings = ["--set", "vehicle.height=2 cells", "--set", "mode=sequential"]
-    run = config("show", "-c", "p.yaml", *settings)
+    chosen = ["vehicle.height=2 cells", "mode=sequential", "map.gap_size=null"]
+    run = config("show", "-c", "p.yaml", *[word for each in chosen for word in ("--set", each)])
     assert (run.returncode, run.stderr) == (0, "")
-    shown = loads(run.stdout)
-    assert shown == load("p.yaml", ["vehicle.height=2 cells", "mode=sequential"])
+    assert loads(run.stdout) == load("p.yaml", chosen)
     assert "gap_size: 2 cells\n" in run.stdout
     assert run.stdout.count("max_gap: 0.3\n") == 2
 

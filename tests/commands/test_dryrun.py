@@ -27,7 +27,8 @@ def test_it_says_what_the_build_then_does_and_writes_nothing(tmp_path: Path) -> 
     assert told["clouds"] == ["flight.bag: /b"]
     assert told["up"] == "-y"
     assert told["whole"]
-    for key in ("map", "mode", "keyframes", "batches", "cell_size", "gap_size", "frame_id"):
+    sizes = "cell_size", "gap_size", "sizes"
+    for key in ("map", "mode", "keyframes", "batches", *sizes, "frame_id"):
         assert told[key] == done[key], key
     assert told["patches"] == done["patches"]["total"]
     assert told["points"] == done["points"]["read"]

@@ -44,7 +44,7 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
     assert Parameters() == Parameters(
         mode="consistent",
         vehicle=Vehicle(width=Cells(1), height=Cells(3)),
-        map=MapParameters(cell_size="auto", gap_size=Cells(3), thickness=Cells(1)),
+        map=MapParameters(cell_size="auto", gap_size="auto", thickness=Cells(1)),
         batch=BatchParameters(min_points=80),
         pipeline=(
             Rays("auto", Cells(4), Cells(2), max_nb=24, min_nb=8, min_share=0.4),
@@ -75,7 +75,7 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
                 support=2,
                 over_lower=False,
             ),
-            Pyramids(height_factor_thresh=1.5, max_height=Cells(3), pits=True),
+            Pyramids(height_factor_thresh=1.5, max_height=None, pits=True),
         ),
     )
 
@@ -119,7 +119,7 @@ def test_the_configuration_of_the_contract_reads_as_it_says() -> None:
 
 
 def test_what_is_left_out_follows_the_parameter_that_it_comes_from() -> None:
-    parameters = loads("vehicle: {width: 0.3, height: 2 cells}")
+    parameters = loads("vehicle: {width: 0.3, height: 2 cells}\nmap: {cell_size: 1}")
     assert parameters.map.gap_size == Cells(2)
     widths = [s.max_gap for s in parameters.pipeline if isinstance(s, Walls | Plaster)]
     assert widths == [0.3, 0.3]
@@ -128,7 +128,8 @@ def test_what_is_left_out_follows_the_parameter_that_it_comes_from() -> None:
 
 def test_a_setting_counts_before_what_is_left_out_is_filled_in() -> None:
     text = "vehicle: {height: 9}\npipeline: [plaster, pyramids]"
-    parameters = loads(text, sets=["vehicle.width=2 cells", "vehicle.height=0.7"])
+    sets = ["vehicle.width=2 cells", "vehicle.height=0.7", "map.gap_size=null"]
+    parameters = loads(text, sets=sets)
     assert parameters.map.gap_size == 0.7
     plaster = Plaster(max_gap=Cells(2), max_gap_enhanced=Cells(5))
     assert parameters.pipeline == (plaster, Pyramids(max_height=0.7))
@@ -194,7 +195,7 @@ def test_a_stage_that_is_named_follows_the_thesis_where_nothing_else_is_said() -
     named = loads("pipeline: [median, orphans, walls, plaster, pyramids]").pipeline
     widths: dict[str, Any] = {"max_gap": Cells(1), "max_gap_enhanced": Cells(5)}
     gaps = Walls(**widths), Plaster(**widths)
-    assert named == (Median(), Orphans(), *gaps, Pyramids(max_height=Cells(3)))
+    assert named == (Median(), Orphans(), *gaps, Pyramids())
     assert Median().recentre == Walls().join == Plaster().slope_reach == 0
     assert Median().level == Median().min_share == Median().max_slope == 0
     assert not Pyramids().pits

@@ -62,7 +62,7 @@ def parameters(pipeline: str, mode: str = "consistent") -> Parameters:
 def one_pass(points: Points, given_parameters: Parameters, *, final: bool) -> SurfaceMap:
     """Return what the stages make of all points at once, by nothing but their definition."""
     sizes = given_parameters.map
-    assert sizes.gap_size is not None
+    assert isinstance(sizes.gap_size, float)
     cell_size = float(sizes.cell_size)
     grid = (
         cell_size,

@@ -49,7 +49,7 @@ def test_contradictions_that_need_the_cell_size_show_once_it_is_known() -> None:
 def test_lengths_in_cells_are_compared_whatever_the_size_of_a_cell() -> None:
     text = "vehicle: {height: 4 cells}\npipeline: [pyramids: {max_height: 5 cells}]"
     assert only_fault_of(text).startswith("p.yaml:2:35: pyramids.max_height: 5 cells")
-    assert loads(text, sets=["vehicle.height=5 cells"]).map.gap_size == Cells(5)
+    assert loads(text, sets=["vehicle.height=5 cells"]).vehicle.height == Cells(5)
 
 
 @pytest.mark.parametrize("cell_size", [0.0, -1.0, float("inf"), float("nan")])

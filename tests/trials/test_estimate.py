@@ -61,6 +61,7 @@ def test_of_a_short_recording_all_numbers_are_those_of_the_build(tmp_path: Path)
     assert estimate.read["dropped"] == meta["points"]["dropped"]
     assert (estimate.batches, estimate.patches) == (meta["batches"], built.size)
     assert (estimate.cell_size, estimate.gap_size) == (built.cell_size, built.gap_size)
+    assert estimate.sizes == meta["sizes"] != {}
     assert (estimate.thickness, estimate.frame_id) == (built.thickness, built.frame_id)
     assert estimate.seconds is not None
     assert estimate.seconds > 0

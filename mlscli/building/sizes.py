@@ -1,0 +1,272 @@
+"""`cell_size: auto` and `gap_size: auto`: the lengths of a map that suit a recording.
+
+A cell is twice as wide as points usually lie from their fourth neighbour. What a sensor saw again
+and again, from the same place or on another pass, does not shrink it:
+
+- equal points count once;
+- where one keyframe alone seems to cover more than twice what all cover together (its points times
+  the square of their distance), the keyframes saw the same points again, a little off: the distance
+  is that of a usual keyframe;
+- where points lie in clusters, far apart beside their width, it is that of the clusters.
+
+What tells levels apart depends on walls. Where walls were sampled, heights as far apart as the
+vehicle is high are one surface, or sparse walls would fall to pieces. In airborne scans, where
+hardly any surface stands upright, there is nothing to hold together, and only what the noise
+spreads is one surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from types import NoneType
+
+import numpy as np
+
+from mlscli.errors import ConfigError, InputError, expect, expect_items
+from mlscli.geometry.roughness import Roughness, roughness
+from mlscli.geometry.spacing import NEIGHBOUR, Spacing, of_one_look, spacing, without_clusters
+from mlscli.keyframes.keyframe import Keyframe, require_points
+from mlscli.parameters.lengths import Cells, exceeds, in_units
+from mlscli.pipeline.parameters import AUTO, Parameters
+from mlscli.runtime.arrays import Array, Float64
+
+# The scene is what lies between these shares of the points, in x and in y.
+_OUTSIDE = 0.01
+# Cells are coarse beyond this share of the scene's longer side.
+_COARSE = 0.1
+# And the scene has too many of them beyond this number.
+_MOST_CELLS = 1e8
+# Surroundings reach so many cells far.
+_REACH = 2
+# Noise that is even over a cell has a standard deviation of 1 / sqrt(12) of it. A little more of it
+# than that leaves nothing of the cell's own.
+_MOST_NOISE = 1.3
+# Where fewer of the surfaces stand upright, no walls were sampled: with noise it is up to 2 % in
+# scenes without any, and hardly anywhere less than 4 % in others. Nothing is concluded from fewer
+# surfaces, or where noise leaves fewer surroundings flat.
+_FEW_UPRIGHT = 0.03
+_FEWEST_SURFACES = 50
+_LEAST_FLAT = 0.2
+# Without walls, heights this far apart are always one surface, as those on a slope are.
+_LEAST_GAP = Cells(0.5)
+# What is this many standard deviations apart is hardly ever the same surface.
+_DEVIATIONS = 3
+
+
+@dataclass(frozen=True)
+class FittedSizes:
+    """Parameters whose sizes suit a recording.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        With numbers for what was ``auto``.
+    reasons : dict of str to str
+        Why `cell_size` and `gap_size` were chosen, a line each; without those that were given.
+    doubts : list of str
+        Where a size is beyond reason, a line each.
+    """
+
+    parameters: Parameters
+    reasons: dict[str, str]
+    doubts: list[str]
+
+
+def fit_sizes(
+    clouds: Array | Iterable[Keyframe],
+    parameters: Parameters | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> FittedSizes:
+    """Choose the sizes of a map that are ``auto``, by the points that it will be made of.
+
+    Neither the order of the points nor the grid's symmetries change them. Where `cell_size` is a
+    number, `gap_size` is not chosen by the points: ``auto`` is then the vehicle's height.
+
+    Parameters
+    ----------
+    clouds : iterable of Keyframe, or array (N, 3)
+        All points of the recording, before any filter: its keyframes, or points without any.
+    parameters : Parameters, optional
+        By default ``Parameters()``.
+    progress : callable, optional
+        Called with the number of points done, now and then.
+
+    Returns
+    -------
+    FittedSizes
+
+    Raises
+    ------
+    TypeError
+        Where an argument is of a wrong type.
+    InputError
+        Where there are too few distinct points.
+    ConfigError
+        Where a size contradicts the other parameters.
+
+    Examples
+    --------
+    >>> import mlscli
+    >>> import numpy as np
+    >>> points = np.random.default_rng(1).uniform(0, 4, (2000, 3)) * (1, 1, 0.1)
+    >>> fitted = mlscli.fit_sizes(points)
+    >>> fitted.parameters.map.cell_size
+    0.22
+    """
+    parameters = Parameters() if parameters is None else parameters
+    expect(parameters, Parameters, "parameters", "Parameters")
+    expect(progress, (Callable, NoneType), "progress", "a function")
+    looks = _looks(clouds)
+    if parameters.map.cell_size != AUTO:
+        return FittedSizes(parameters, {}, [])
+    whole = np.concatenate(looks) if looks else np.empty((0, 3))
+    sides = _sides(whole)
+    found, why = _distance(whole, looks, progress)
+    del whole
+    cell_size = _two_digits(2 * found.distance)
+    rough = roughness(found.cloud, _REACH * cell_size)
+    reasons = {"cell_size": f"auto: twice the usual distance of a point to its fourth {why}"}
+    settled = parameters.with_cell_size(cell_size)
+    if parameters.map.gap_size == AUTO:
+        settled, reasons["gap_size"] = _with_gap_size(settled, rough)
+    return FittedSizes(settled, reasons, list(_doubts(cell_size, rough, sides)))
+
+
+def auto_cell_size(xyz: Float64) -> float:
+    """Return the size of cells that suits points; see `fit_sizes`.
+
+    Parameters
+    ----------
+    xyz : float64 (N, 3)
+        All points of a recording, before any filter.
+
+    Returns
+    -------
+    float
+        In the unit of the recording, rounded to two significant digits.
+
+    Raises
+    ------
+    InputError
+        Where there are too few distinct points.
+    """
+    found, _ = _distance(xyz, [xyz], None)
+    return _two_digits(2 * found.distance)
+
+
+def _looks(clouds: Array | Iterable[Keyframe]) -> list[Float64]:
+    """Return the points of each keyframe; points without keyframes are one."""
+    if isinstance(clouds, np.ndarray):
+        require_points(clouds, "clouds")
+        points = np.asarray(clouds, dtype=np.float64)
+        return [points[np.isfinite(points).all(axis=1)]]
+    expected = "keyframes, or points as an array (N, 3)"
+    expect_items(clouds, "clouds", expected)
+    looks = []
+    for keyframe in clouds:
+        expect(keyframe, Keyframe, "clouds", expected)
+        looks.append(keyframe.points)
+    return looks
+
+
+def _distance(
+    whole: Float64, looks: Sequence[Float64], progress: Callable[[int], None] | None
+) -> tuple[Spacing, str]:
+    """Return how far apart what is distinct lies, and of what that is the distance, in words."""
+    found = spacing(whole, progress)
+    if found is None:
+        raise InputError(
+            f"cell_size: auto needs more than {NEIGHBOUR} distinct points, and there are "
+            f"{len(np.unique(whole, axis=0))}; set map.cell_size to a number"
+        )
+    words = ["neighbour"]
+    equal = len(whole) - len(found.cloud.points)
+    if equal:
+        words.append(f"without {equal:,} points that equal others")
+    if (one := of_one_look(found, looks)) is not None:
+        found = one
+        words.append("in one keyframe, as they see the same again")
+    clusters = without_clusters(found, _COARSE * _sides(whole)[0] / 2)
+    if clusters is not found:
+        words.append(f"where {len(clusters.cloud.points):,} clusters of points count as one each")
+    return clusters, ", ".join(words)
+
+
+def _sides(points: Float64) -> tuple[float, float]:
+    """Return how long and how wide the scene is, in x or in y, without its outermost points."""
+    outside = int(_OUTSIDE * len(points))
+    last = len(points) - 1 - outside
+    if last < outside:
+        return 0.0, 0.0
+    x, y = (np.partition(axis, [outside, last]) for axis in points.T[:2])
+    length, width = sorted((float(axis[last] - axis[outside]) for axis in (x, y)), reverse=True)
+    return length, width
+
+
+def _two_digits(number: float) -> float:
+    return float(f"{number:.1e}")
+
+
+def _with_gap_size(parameters: Parameters, rough: Roughness) -> tuple[Parameters, str]:
+    """Return the parameters with the gap size that suits, and why, in words.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        With the vehicle's height for `gap_size`.
+    rough : Roughness
+        Of the surfaces.
+    """
+    cell_size = parameters.grid().cell_size
+    height = "auto: the height of the vehicle"
+    if rough.asked * rough.flat < _FEWEST_SURFACES or rough.flat < _LEAST_FLAT:
+        return parameters, f"{height}, as too few points lie on surfaces to tell walls"
+    share = f"{rough.upright:.1%} of the surfaces stand upright"
+    if rough.upright >= _FEW_UPRIGHT:
+        return parameters, f"{height}, as {share}"
+    least, spread = in_units(_LEAST_GAP, cell_size), _two_digits(_DEVIATIONS * rough.noise)
+    gap_size = max(least, spread)
+    if not exceeds(parameters.vehicle.height, gap_size, cell_size):
+        return parameters, f"{height}, though only {share}"
+    try:
+        settled = parameters.with_cell_size(cell_size, gap_size)
+    except ConfigError as error:
+        at_fault = error.faults[0].partition(":")[0]
+        return parameters, f"{height}, which {at_fault} needs, though only {share}"
+    words = "three times the noise" if spread > least else "half a cell"
+    return settled, f"auto: {words}, as only {share}"
+
+
+def _doubts(cell_size: float, rough: Roughness, sides: tuple[float, float]) -> Iterator[str]:
+    """Yield where a size of cells is beyond reason, and what would be right.
+
+    Parameters
+    ----------
+    cell_size : float
+    rough : Roughness
+        Of the surfaces.
+    sides : tuple of float
+        Those of the scene, the longer first.
+    """
+    even = 12**0.5 * rough.noise
+    if even > _MOST_NOISE * cell_size:
+        yield (
+            f"cell_size: auto: {cell_size:g} is finer than the noise of the points, which spread "
+            f"over {even:.2g} across surfaces; set map.cell_size to {even / _MOST_NOISE:.2g} "
+            "or more"
+        )
+    length, width = sides
+    scene = f"a scene of {length:.4g} by {width:.4g}"
+    cells = (length / cell_size + 1) * (width / cell_size + 1)
+    if cells > _MOST_CELLS:
+        fit = (length * width / _MOST_CELLS) ** 0.5
+        yield (
+            f"cell_size: auto: {cell_size:g} makes {cells:.2g} cells of {scene}; crop it, or set "
+            f"map.cell_size to {fit:.2g} or more"
+        )
+    if cell_size > _COARSE * length:
+        yield (
+            f"cell_size: auto: {cell_size:g} is coarse for {scene}, whose points lie far apart; "
+            f"set map.cell_size to {_COARSE * length:.2g} or less"
+        )
