@@ -81,10 +81,10 @@ def map_rows(
         return reasoned(f"{description[name]:.6g}", (why or {}).get(name))
 
     patches = dict(description["patches"])
-    total, vertical = patches.pop("total"), patches.pop("vertical")
-    by_origin = counts(patches)
+    total, vertical, moved = (patches.pop(name) for name in ("total", "vertical", "moved"))
+    shape = f"{vertical:,} vertical" + (f", {moved:,} moved" if moved else "")
     return [
-        ("patches", f"{total:,}: {by_origin}; {vertical:,} vertical" if total else "none"),
+        ("patches", f"{total:,}: {counts(patches)}; {shape}" if total else "none"),
         ("levels", levels(description["levels"])),
         ("extent", bounds(description["extent"])),
         ("area", f"{description['area']:.6g} in {some(description['cells'], 'cell')}"),

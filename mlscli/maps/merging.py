@@ -259,6 +259,7 @@ def _shape(groups: Any, number: int, parts: int, thickness: float) -> None:
     group.height, group.depth = shape_of(
         group.top, group.bottom, group.mean, group.variance, thickness
     )
+    group.moved = 0
 
 
 def _inserted(surface: SurfaceMap) -> SurfaceMap:

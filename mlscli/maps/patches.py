@@ -44,6 +44,17 @@ def shapes_of(
     return height, depth
 
 
+def reach_beyond(height: Float64, depth: Float64, top: Float64, bottom: Float64) -> Bool:
+    """Return which patches do not lie within what their points span, bool (P,).
+
+    These are patches whose ``[height - depth, height]`` leaves ``[bottom, top]`` by more than the
+    rounding of that difference. Those without points, where top and bottom are NaN, are not.
+    """
+    rounding = 4 * np.spacing(np.maximum(np.abs(top), np.abs(bottom)))
+    beyond: Bool = (height > top) | (height - depth < bottom - rounding)
+    return beyond
+
+
 @inner
 def begins_group(low: float, reached: float, gap_size: float) -> bool:
     """Return whether an interval begins a new group in single linkage in one dimension.

@@ -32,7 +32,8 @@ PATCH = np.dtype(
         ("first_keyframe", np.int32),
         ("last_keyframe", np.int32),
         # A whole word: a record has no padding, so that records can be compared bytewise.
-        ("origin", np.uint64),
+        ("origin", np.uint32),
+        ("moved", np.uint32),
     ]
 )
 WORDS = PATCH.itemsize // 8
@@ -87,6 +88,7 @@ def _put_together(
     variance: Float64,
     count: UInt32,
     origin: UInt8,
+    moved: UInt8,
     region: Int32,
     first: Int32,
     last: Int32,
@@ -100,7 +102,7 @@ def _put_together(
     ix, iy : int32 (P,)
     height, depth, top, bottom, mean, variance : float64 (P,)
     count : uint32 (P,)
-    origin : uint8 (P,)
+    origin, moved : uint8 (P,)
     region : int32 (P,)
         As in `SurfaceMap`.
     first, last : int32 (P,)
@@ -113,6 +115,7 @@ def _put_together(
         patch.top, patch.bottom = top[i], bottom[i]
         patch.mean, patch.variance = mean[i], variance[i]
         patch["count"], patch.origin, patch.region = count[i], origin[i], region[i]
+        patch.moved = moved[i]
         patch.first_keyframe, patch.last_keyframe = first[i], last[i]
 
 
@@ -124,8 +127,8 @@ def _taken_apart(records: Any) -> Any:
     height, depth = np.empty(size), np.empty(size)
     top, bottom = np.empty(size), np.empty(size)
     mean, variance = np.empty(size), np.empty(size)
-    count, origin = np.empty(size, np.uint32), np.empty(size, np.uint8)
-    region = np.empty(size, np.int32)
+    count, region = np.empty(size, np.uint32), np.empty(size, np.int32)
+    origin, moved = np.empty(size, np.uint8), np.empty(size, np.uint8)
     first, last = np.empty(size, np.int32), np.empty(size, np.int32)
     for i in range(size):
         patch = records[i]
@@ -133,6 +136,8 @@ def _taken_apart(records: Any) -> Any:
         height[i], depth[i] = patch.height, patch.depth
         top[i], bottom[i] = patch.top, patch.bottom
         mean[i], variance[i] = patch.mean, patch.variance
-        count[i], origin[i], region[i] = patch["count"], patch.origin, patch.region
+        count[i], region[i] = patch["count"], patch.region
+        origin[i], moved[i] = patch.origin, patch.moved
         first[i], last[i] = patch.first_keyframe, patch.last_keyframe
-    return ix, iy, height, depth, top, bottom, mean, variance, count, origin, region, first, last
+    measured = top, bottom, mean, variance, count
+    return ix, iy, height, depth, *measured, origin, moved, region, first, last

@@ -17,7 +17,8 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``patches``: the total, by origin, and how many are vertical; ``cells``: how many are
+        ``patches``: the total, by origin, how many are vertical, and how many measured ones a
+        stage has moved beyond their points; ``cells``: how many are
         occupied; ``levels``: how many cells hold 1, 2, ... patches; ``extent``: lower and upper
         bounds of x, y (edges of cells) and z, None for an empty map; ``area``: of the occupied
         cells, in the square of the unit; ``regions``: the greatest region number plus 1;
@@ -25,7 +26,7 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         and ``frame_id``.
     """
     grid = surface.grid
-    counted = dict.fromkeys(("total", *ORIGINS, "vertical"), 0)
+    counted = dict.fromkeys(("total", *ORIGINS, "vertical", "moved"), 0)
     levels: Counter[int] = Counter()
     extents = []
     regions = 0
@@ -34,6 +35,7 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         for origin, name in enumerate(ORIGINS):
             counted[name] += int(np.count_nonzero(part.origin == origin))
         counted["vertical"] += int(np.count_nonzero(part.depth > 0))
+        counted["moved"] += int(np.count_nonzero(part.moved))
         for level, count in enumerate(np.bincount(np.diff(part.cells.start)).tolist()):
             levels[level] += count
         extents += _extent(part)

@@ -22,6 +22,7 @@ from mlscli.errors import InputError, expect
 from mlscli.maps.cells import CellSet, Limits
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
+from mlscli.maps.patches import reach_beyond
 from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt8, UInt32
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -39,11 +40,13 @@ COLUMNS: Mapping[str, np.dtype[Any]] = {
     "variance": np.dtype(np.float64),
     "count": np.dtype(np.uint32),
     "origin": np.dtype(np.uint8),
+    "moved": np.dtype(np.uint8),
     "region": np.dtype(np.int32),
     "first_keyframe": np.dtype(np.int32),
     "last_keyframe": np.dtype(np.int32),
 }
 STATISTICS = ("top", "bottom", "mean", "variance")
+_ENDS = {"height", "depth", "top", "bottom"}
 _ARRAYS = (*COLUMNS, "route")
 
 
@@ -91,6 +94,9 @@ class SurfaceMap:
         Measured points; 0 where inserted.
     origin : uint8 (P,)
         0 measured, 1 plastered, 2 artificial.
+    moved : uint8 (P,)
+        1 where a stage has moved a measured patch, or one of its ends, out of [bottom, top]: what
+        lies beyond is closed, not measured. Otherwise 0, also where inserted.
     region : int32 (P,)
         Number of the region; -1 where there is none.
     first_keyframe, last_keyframe : int32 (P,)
@@ -116,6 +122,7 @@ class SurfaceMap:
     variance: Float64
     count: UInt32
     origin: UInt8
+    moved: UInt8
     region: Int32
     first_keyframe: Int32
     last_keyframe: Int32
@@ -206,8 +213,18 @@ class SurfaceMap:
     # --- parts of a map, and maps put together ---
 
     def with_columns(self, **columns: Any) -> SurfaceMap:
-        """Return the map with some columns replaced, sorted anew."""
-        return replace(self, **columns).sorted()
+        """Return the map with some columns replaced, sorted anew.
+
+        Where their ends are among these, it is noted which patches were moved beyond their points.
+        """
+        changed = replace(self, **columns)
+        if columns.keys() & _ENDS and "moved" not in columns:
+            changed = replace(changed, moved=changed.beyond_points().astype(np.uint8))
+        return changed.sorted()
+
+    def beyond_points(self) -> Bool:
+        """Return which measured patches do not lie within [bottom, top], bool (P,)."""
+        return reach_beyond(self.height, self.depth, self.top, self.bottom)
 
     def take(self, which: Bool | Int64) -> SurfaceMap:
         """Return the patches that a mask selects, or indices, in the order of the indices."""
@@ -280,6 +297,7 @@ class SurfaceMap:
             depth=depth,
             count=np.zeros(len(ix), dtype=np.uint32),
             origin=origin,
+            moved=np.zeros(len(ix), dtype=np.uint8),
             region=unmeasured,
             first_keyframe=unmeasured,
             last_keyframe=unmeasured,
@@ -400,6 +418,11 @@ class SurfaceMap:
             yield "mean: does not lie between bottom and top everywhere"
         if np.any(self.variance[measured] < 0):
             yield "variance: holds values below 0"
+        beyond = self.beyond_points()
+        if np.any(beyond & (self.moved == 0)):
+            yield "height: lies beyond bottom and top of a measured patch that moved does not mark"
+        if np.any(self.moved != beyond):
+            yield "moved: must be 1 for measured patches beyond bottom and top, 0 for all others"
         if np.any(self.region < -1):
             yield f"region: holds {self.region.min()}; it must be -1 or more"
         yield from self._keyframe_faults(measured)

@@ -18,11 +18,11 @@ import numpy as np
 
 from mlscli.errors import InputError, UsageError, expect
 from mlscli.maps.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
-from mlscli.mesh.colours import COLOURS, ROUTE_GREEN, ColourBy, Paint
+from mlscli.mesh.colours import COLOURS, ROUTE_GREEN, ColourBy, Paint, origin_at
 from mlscli.mesh.ground import route_on_ground
 from mlscli.mesh.orientation import oriented
 from mlscli.mesh.triangulation import NONE, Nodes, links, nodes_of, surface_triangles
-from mlscli.mesh.walls import walls_of
+from mlscli.mesh.walls import measured_ends, walls_of
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
 Style: TypeAlias = Literal["surface", "patches"]
@@ -58,7 +58,8 @@ class Mesh:
     colours : uint8 (V, 3)
         Red, green, blue.
     origin : uint8 (V,)
-        Index into `GROUPS`: the origin of the vertex's patch, or `ROUTE`.
+        Index into `GROUPS`: the origin of the vertex's patch, or `ROUTE`. Where a measured patch
+        lies beyond its points, drawn out or moved, it is shown as plastered.
     triangles : int32 (T, 3)
         Indices of vertices; surfaces run counter-clockwise seen from above.
     lines : int32 (L, 2)
@@ -154,8 +155,26 @@ def build_mesh(
     nodes = nodes_of(surface, reach if style == "surface" else math.inf)
     if style == "surface":
         return _assemble(surface, paint, _drawn(surface, nodes, reach))
-    depths = np.column_stack((nodes.top, nodes.foot))[nodes.foot != NONE]
+    nodes, depths = _depths(surface, nodes)
     return _assemble(surface, paint, [_nodes(nodes)], depths, nodes.top)
+
+
+def _depths(surface: SurfaceMap, nodes: Nodes) -> tuple[Nodes, Int64]:
+    """Return the nodes, with the ends of what was measured, and the lines beneath patches (D, 2).
+
+    A patch that is drawn out beyond its points has a line for each part.
+    """
+    patch, height = measured_ends(surface)
+    upright = np.flatnonzero(nodes.foot != NONE)
+    ends = np.concatenate((nodes.top[upright], nodes.foot[upright]))
+    node = np.concatenate((ends, len(nodes.patch) + np.arange(len(patch))))
+    grown = nodes._replace(
+        patch=np.concatenate((nodes.patch, patch)), height=np.concatenate((nodes.height, height))
+    )
+    # From the top of each patch down.
+    node = node[np.lexsort((-grown.height[node], grown.patch[node]))]
+    of = grown.patch[node]
+    return grown, np.column_stack((node[:-1], node[1:]))[of[:-1] == of[1:]]
 
 
 class _Piece(NamedTuple):
@@ -255,7 +274,7 @@ def _assemble(
         raise InputError(
             "the mesh reaches beyond float64: the map's heights or cells are too large"
         )
-    origin = surface.origin[patch]
+    origin = origin_at(surface, patch, height)
     lines = first[-1] + legs
     if depths is not None:
         lines = np.concatenate((depths, lines))

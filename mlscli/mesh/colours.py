@@ -41,6 +41,9 @@ ANCHORS = (
 )
 COLOUR_STEPS = 256
 
+# A height this near (in cells) to another is the same: they differ by rounding.
+SNAP = 1e-6
+
 # Heights beyond these percentiles take the end colours, so that a few outliers do not use up
 # the scale.
 HEIGHT_PERCENTILES = (2.0, 98.0)
@@ -136,6 +139,27 @@ def patch_colours(height: Float64, origin: UInt8, low: float, high: float) -> UI
     return colours
 
 
+def origin_at(surface: SurfaceMap, patch: Int64, height: Float64) -> UInt8:
+    """Return the origin of what patches show at some heights, uint8 (N,).
+
+    What a stage has drawn out or moved beyond the points of a measured patch is closed, and shown
+    as plastered.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    patch : int64 (N,)
+        Indices of patches.
+    height : float64 (N,)
+        A height of each.
+    """
+    origin = surface.origin[patch]
+    slack = SNAP * surface.cell_size
+    beyond = (height > surface.top[patch] + slack) | (height < surface.bottom[patch] - slack)
+    origin[beyond & (surface.moved[patch] > 0)] = PLASTERED
+    return origin
+
+
 class Scale(NamedTuple):
     """The quantity that the colours of patches stand for.
 
@@ -222,9 +246,10 @@ class Paint:
         patch : int64 (N,)
             The patch in `surface` that each of them is or belongs to.
         height : float64 (N,)
-            Their heights, which count only where colours stand for heights.
+            Their heights: what lies beyond the points of its patch has the colour of a plastered
+            one.
         """
-        origin = surface.origin[patch]
+        origin = origin_at(surface, patch, height)
         if self.by == "region":
             return region_colours(surface.region[patch])
         if self.scale is None:
@@ -233,7 +258,7 @@ class Paint:
         if self.by == "height":
             return patch_colours(height, origin, self.scale.low, self.scale.high)
         value = _amounts(surface, self.by)[1][patch]
-        known = np.isfinite(value)
+        known = np.isfinite(value) & (origin == MEASURED)
         colours = np.tile(np.array(PALE, dtype=np.uint8), (len(patch), 1))
         colours[known] = height_colours(value[known], self.scale.low, self.scale.high)
         colours[origin == ARTIFICIAL] = ARTIFICIAL_RED

@@ -8,9 +8,10 @@ a window between them stays open. Ends more than `reach` apart are a step: the l
 at the height where the other one ends.
 
 Vertices lie on the vertical line through the cell's centre: the ends of patches, the joints where
-floors meet them, and the cuts. Every triangle along a line runs from one vertex to the next, so
-that walls on all sides of it, and floors, share edges. Stretches of lines that no quad covers are
-returned as well, to be drawn by themselves.
+floors meet them, the cuts, and where what was measured ends in a patch that is drawn out beyond it.
+Every triangle along a line runs from one vertex to the next, so that walls on all sides of it, and
+floors, share edges. Stretches of lines that no quad covers are returned as well, to be drawn by
+themselves.
 """
 
 from __future__ import annotations
@@ -21,16 +22,13 @@ import numpy as np
 
 from mlscli.maps.neighbours import shifted
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.mesh.colours import SNAP, origin_at
 from mlscli.mesh.triangulation import NONE, Nodes
-from mlscli.runtime.arrays import Bool, Float64, Int64
+from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8
 from mlscli.runtime.kernels import inner, kernel
 
 ACROSS_EDGES = ((1, 0), (0, 1))
 ACROSS_CORNERS = ((1, 1), (1, -1))
-
-# A cut this near (in cells) to another vertex of its line is replaced by it: heights that differ
-# only by rounding make no triangle.
-SNAP = 1e-6
 
 
 class WallTriangles(NamedTuple):
@@ -49,6 +47,21 @@ class WallTriangles(NamedTuple):
     nodes: Nodes
     triangles: Int64
     bare: Int64
+
+
+class MeasuredEnds(NamedTuple):
+    """Where what was measured ends within vertical patches, E ends.
+
+    Attributes
+    ----------
+    patch : int64 (E,)
+        Indices of patches.
+    height : float64 (E,)
+        The least or the greatest height measured in each, in the unit of the recording.
+    """
+
+    patch: Int64
+    height: Float64
 
 
 class _Uprights(NamedTuple):
@@ -113,9 +126,21 @@ def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> WallTriangles:
         joined.append(_joined(uprights, shifted(ix, iy, dx, dy), round_corner, reach))
     pairs = np.concatenate([pair for pair, _ in joined])
     ends = np.concatenate([end for _, end in joined])
-    nodes, lines = _lines(nodes, patch, pairs, ends, SNAP * surface.cell_size)
+    drawn = measured_ends(surface)
+    nodes, lines = _lines(nodes, patch, pairs, ends, drawn, SNAP * surface.cell_size)
     triangles, covered = _climb(lines, pairs, ends)
-    return WallTriangles(nodes, triangles, _bare(lines, covered))
+    origin = origin_at(surface, nodes.patch[lines.node], lines.height)
+    return WallTriangles(nodes, triangles, _bare(lines, covered, origin))
+
+
+def measured_ends(surface: SurfaceMap) -> MeasuredEnds:
+    """Return where what was measured ends, in the vertical patches that are drawn out beyond it."""
+    low, high = surface.low_end, surface.height
+    drawn = np.flatnonzero((surface.moved > 0) & (surface.depth > 0))
+    patch = np.concatenate((drawn, drawn))
+    height = np.concatenate((surface.bottom[drawn], surface.top[drawn]))
+    inside = (low[patch] < height) & (height < high[patch])
+    return MeasuredEnds(patch[inside], height[inside])
 
 
 @kernel
@@ -212,15 +237,30 @@ def _space(uprights: _Uprights, one: int, other: int) -> float:
 
 
 def _lines(
-    nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64, snap: float
+    nodes: Nodes, patch: Int64, pairs: Int64, ends: Float64, measured: MeasuredEnds, snap: float
 ) -> tuple[Nodes, _NodesByPatch]:
-    """Return the nodes, with the cuts that `ends` make, and the lines of all vertical patches."""
+    """Return the nodes with all cuts, and the lines of all vertical patches.
+
+    Parameters
+    ----------
+    nodes : Nodes
+    patch : int64 (V,)
+        The vertical patches.
+    pairs, ends
+        As `_joined` returns them: `ends` make cuts.
+    measured : MeasuredEnds
+        They make cuts, too.
+    snap : float
+        Cuts are no nearer to other vertices.
+    """
     upright = np.full(len(nodes.top), NONE)
     upright[patch] = np.arange(len(patch))
     own = np.flatnonzero(upright[nodes.patch] != NONE)
-    line = np.concatenate((upright[nodes.patch[own]], np.repeat(pairs, 2, axis=1).ravel()))
-    height = np.concatenate((nodes.height[own], ends.ravel() + 0.0))
-    node = np.concatenate((own, np.full(ends.size, NONE)))
+    cut_lines = np.repeat(pairs, 2, axis=1).ravel(), upright[measured.patch]
+    cut_heights = ends.ravel(), measured.height
+    line = np.concatenate((upright[nodes.patch[own]], *cut_lines))
+    height = np.concatenate((nodes.height[own], *cut_heights)) + 0.0
+    node = np.concatenate((own, np.full(len(line) - len(own), NONE)))
     order = np.lexsort((height, line))
     line, height, node = line[order], height[order], node[order]
     kept = _kept(line, height, node, snap)
@@ -299,11 +339,17 @@ def _at(lines: _NodesByPatch, line: int, height: float) -> int:
     return above
 
 
-def _bare(lines: _NodesByPatch, covered: Bool) -> Int64:
-    """Return the lower and upper node of each uncovered stretch of the lines, int64 (B, 2)."""
+def _bare(lines: _NodesByPatch, covered: Bool, origin: UInt8) -> Int64:
+    """Return the lower and upper node of each uncovered stretch of the lines, int64 (B, 2).
+
+    A stretch is of one origin; `origin` (M,) is that of each vertex.
+    """
     is_last = np.zeros(len(lines.node) + 1, dtype=np.bool_)
     is_last[lines.start[1:] - 1] = True
     open_ = np.concatenate(([False], ~covered & ~is_last[:-1], [False]))
-    begin = np.flatnonzero(open_[1:-1] & ~open_[:-2])
-    end = np.flatnonzero(open_[1:-1] & ~open_[2:])
+    # What is above each vertex lies beyond the points of the patch if one of its ends does.
+    above = np.append(np.maximum(origin[:-1], origin[1:]), origin[-1:])
+    turns = np.concatenate(([True], above[1:] != above[:-1], [True]))
+    begin = np.flatnonzero(open_[1:-1] & (~open_[:-2] | turns[:-1]))
+    end = np.flatnonzero(open_[1:-1] & (~open_[2:] | turns[1:]))
     return np.column_stack((lines.node[begin], lines.node[end + 1]))

@@ -49,7 +49,7 @@ def group(points: Points, grid: Grid) -> SurfaceMap:
         part["height"][:], part["depth"][:] = shapes_of(
             part["top"], part["bottom"], part["mean"], part["variance"], grid.thickness
         )
-        part["origin"][:], part["region"][:] = MEASURED, -1
+        part["origin"][:], part["moved"][:], part["region"][:] = MEASURED, 0, -1
 
     in_ranges(len(start) - 1, summarise_groups, weight=LIGHT)
     return SurfaceMap.of(grid, new)

@@ -15,6 +15,7 @@ from mlscli.mesh.colours import (
     ColourBy,
     Paint,
     height_scale,
+    origin_at,
     origin_colours,
 )
 from mlscli.plot.relief import Frame, frame_of, picture, shown_patches
@@ -209,7 +210,8 @@ def _add_legend(axes: Axes, surface: SurfaceMap, shown: Int64, paint: Paint) -> 
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    origins = set(np.unique(surface.origin[shown[shown >= 0]]).tolist())
+    patch = shown[shown >= 0]
+    origins = set(origin_at(surface, patch, surface.height[patch]).tolist())
     measured, plastered, _ = (tuple(colour / 255) for colour in origin_colours())
     handles: list[Patch | Line2D] = []
     if paint.by == "origin" and MEASURED in origins:

@@ -88,6 +88,7 @@ def truth(
         variance=spread,
         count=np.ones(len(ix), dtype=np.uint32),
         origin=np.zeros(len(ix), dtype=np.uint8),
+        moved=np.zeros(len(ix), dtype=np.uint8),
         region=np.full(len(ix), -1, dtype=np.int32),
         first_keyframe=zeros,
         last_keyframe=zeros,

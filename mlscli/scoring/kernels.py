@@ -8,7 +8,7 @@ import numpy as np
 
 from mlscli.maps.neighbours import onward
 from mlscli.maps.patches import distance
-from mlscli.maps.surface_map import SurfaceMap
+from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, frozen
 from mlscli.runtime.kernels import inner, kernel
 
@@ -38,8 +38,16 @@ class Patches(NamedTuple):
         low, vertical = frozen(surface.low_end), frozen(surface.depth > 0)
         return cls(surface.ix, surface.iy, low, surface.height, vertical)
 
-    def take(self, which: Bool) -> Patches:
-        """Return the patches that a mask chooses."""
+    @classmethod
+    def measured(cls, surface: SurfaceMap) -> Patches:
+        """Return the measured patches of a map, as far as their points span."""
+        part = surface.take(surface.origin == MEASURED)
+        low, high = (np.clip(end, part.bottom, part.top) for end in (part.low_end, part.height))
+        order = np.lexsort((high, part.iy, part.ix))
+        return cls(part.ix, part.iy, low, high, part.depth > 0).take(order)
+
+    def take(self, which: Bool | Int64) -> Patches:
+        """Return the patches that a mask chooses, or indices, in the order of the indices."""
         columns: list[Any] = [frozen(column[which]) for column in self]
         return Patches(*columns)
 

@@ -143,7 +143,8 @@ class Score:
     total : Measures
         Of the whole map.
     by_origin : mapping of str to Measures
-        Of the measured, the plastered and the artificial patches, each as if they were the map.
+        Of the measured, the plastered and the artificial patches, each as if they were the map; of
+        measured ones what lies within their points.
     """
 
     true_cells: int
@@ -186,9 +187,11 @@ def score(surface: SurfaceMap, truth: SurfaceMap) -> Score:
     require_same_cells(surface, truth)
     mine, true, half = Patches.of(surface), Patches.of(truth), surface.cell_size / 2
     total = _measure(mine, true, half)
+    of_origin = [mine.take(surface.origin == origin) for origin in range(len(ORIGINS))]
+    of_origin[MEASURED] = Patches.measured(surface)
     by_origin = {
-        name: _measure(mine.take(surface.origin == origin), true, half)
-        for origin, name in enumerate(ORIGINS)
+        name: _measure(patches, true, half)
+        for name, patches in zip(ORIGINS, of_origin, strict=True)
     }
     is_inserted = surface.origin != MEASURED
     inserted, origin = mine.take(is_inserted), surface.origin[is_inserted]

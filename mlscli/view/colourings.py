@@ -55,7 +55,10 @@ def colourings(surface: SurfaceMap) -> list[Colouring]:
 
 def _colouring(surface: SurfaceMap, by: ColourBy) -> Colouring:
     paint = Paint(surface, by)
-    colour = paint(surface, np.arange(surface.size), surface.height)
+    # The upper end of what was measured of a wall stands for the wall.
+    drawn = (surface.moved > 0) & (surface.depth > 0)
+    height = np.where(drawn, np.minimum(surface.height, surface.top), surface.height)
+    colour = paint(surface, np.arange(surface.size), height)
     if paint.scale is None:
         label = "origin" if by == "origin" else "each region has a colour"
         return Colouring(by, label, None, _kinds(by), colour)

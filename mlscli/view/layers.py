@@ -15,7 +15,7 @@ from mlscli.maps.cells import cell_indices, on_grid, pack
 from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.maps.uncovering import appearing, patch_places
 from mlscli.mesh import ROUTE, Mesh, build_mesh
-from mlscli.mesh.colours import height_colours, height_range, patch_colours
+from mlscli.mesh.colours import height_colours, height_range, origin_at, patch_colours
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
 # A triangle is upright if at most this share of its area is seen from above.
@@ -168,9 +168,9 @@ def _patches(surface: SurfaceMap, appears: Int32) -> tuple[Vertices, list[Layer]
     top = patch_places(surface)
     foot = np.column_stack((top[upright, :2], surface.low_end[upright]))
     height = np.concatenate((top, foot))
-    origin = np.concatenate((surface.origin, surface.origin[upright]))
-    colour = patch_colours(height[:, 2], origin, *height_range(surface))
     number = np.arange(surface.size)
+    origin = origin_at(surface, np.concatenate((number, upright)), height[:, 2])
+    colour = patch_colours(height[:, 2], origin, *height_range(surface))
     lines = np.column_stack((upright, surface.size + np.arange(len(upright))))
     patch = np.concatenate((number, upright)).astype(np.int32)
     return Vertices(height, colour, patch), [

@@ -140,7 +140,8 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
         for name in ("ix", "iy", "first_keyframe", "last_keyframe")
     }
     patches |= {
-        name: pieces.add(getattr(surface, name)) for name in ("height", "depth", "origin", "count")
+        name: pieces.add(getattr(surface, name))
+        for name in ("height", "depth", "origin", "moved", "count")
     }
     ways = [
         {

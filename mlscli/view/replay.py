@@ -41,7 +41,7 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.maps.tiled_map import TiledMap
 from mlscli.maps.uncovering import patch_places
 from mlscli.mesh import build_mesh
-from mlscli.mesh.colours import height_range, patch_colours
+from mlscli.mesh.colours import height_range, origin_at, patch_colours
 from mlscli.runtime.arrays import Array, Float64
 from mlscli.view.layers import faces
 
@@ -69,6 +69,7 @@ PATCH_POINT = np.dtype(
         ("depth", "<f8"),
         ("variance", "<f8"),
         ("origin", "u1"),
+        ("moved", "u1"),
     ],
     align=True,
 )
@@ -247,8 +248,9 @@ def _records(surface: SurfaceMap, origin: Float64) -> Array:
     with np.errstate(over="ignore"):
         for axis, name in enumerate("xyz"):
             records[name] = place[:, axis]
-    colours = patch_colours(surface.height, surface.origin, *height_range(surface))
+    origins = origin_at(surface, np.arange(surface.size), surface.height)
+    colours = patch_colours(surface.height, origins, *height_range(surface))
     records["rgb"] = colours.astype(np.uint32) @ (1 << 16, 1 << 8, 1)
-    for name in ("ix", "iy", "count", "height", "depth", "variance", "origin"):
+    for name in ("ix", "iy", "count", "height", "depth", "variance", "origin", "moved"):
         records[name] = getattr(surface, name)
     return records

@@ -28,11 +28,20 @@ def test_of_a_map_it_tells_patches_levels_and_what_made_it(tmp_path: Path) -> No
     assert "flight.bag" in text.stdout
     told = json.loads(mls("info", "bridge.npz", "--json", cwd=tmp_path).stdout)[0]
     assert told["patches"] == {
-        "total": 6, "measured": 5, "plastered": 0, "artificial": 1, "vertical": 1,
+        "total": 6, "measured": 5, "plastered": 0, "artificial": 1, "vertical": 1, "moved": 0,
     }  # fmt: skip
     assert told["levels"] == {"1": 2, "2": 2}
     assert told["extent"] == {"x": [0.0, 2.0], "y": [0.0, 0.5], "z": [0.0, 3.0]}
     assert told["meta"]["sources"] == ["flight.bag"]
+
+
+def test_of_a_map_it_tells_how_many_patches_lie_beyond_their_points(tmp_path: Path) -> None:
+    surface = map_of(BRIDGE)
+    drawn = surface.with_columns(depth=np.where(surface.depth > 0, 1.0, 0.0))
+    write_map(tmp_path / "bridge.npz", drawn)
+    assert "; 1 vertical, 1 moved\n" in mls("info", "bridge.npz", cwd=tmp_path).stdout
+    told = json.loads(mls("info", "bridge.npz", "--json", cwd=tmp_path).stdout)[0]
+    assert told["patches"]["moved"] == 1
 
 
 def test_of_a_bag_it_tells_topics_frames_and_time(tmp_path: Path) -> None:

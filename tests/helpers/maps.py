@@ -61,6 +61,7 @@ def map_of(patches: list[Patch], gap_size: float = GAP, cell_size: float = CELL)
         "bottom": top - given["depth"],
         "mean": top - given["depth"] / 2,
         "variance": np.where(measured, given["depth"] ** 2 / 4, np.nan),
+        "moved": np.zeros(len(rows), dtype=np.uint8),
         "first_keyframe": np.where(measured, 0, -1).astype(np.int32),
         "last_keyframe": np.where(measured, (given["count"] % KEYFRAMES).astype(np.int32), -1),
     }

@@ -124,6 +124,7 @@ def measured(
                     "variance": variance,
                     "count": count,
                     "origin": 0,
+                    "moved": 0,
                     "region": -1,
                     "first_keyframe": min(keyframe for _, keyframe in group),
                     "last_keyframe": max(keyframe for _, keyframe in group),

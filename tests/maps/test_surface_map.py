@@ -180,6 +180,49 @@ def test_a_check_names_the_array_at_fault(name: str) -> None:
         replace(a_map(), **FAULTS[name]).check()
 
 
+BEYOND: list[dict[str, Any]] = [
+    {"height": np.array([1.5, 3.0, 1.0])},
+    {"height": np.array([0.5, 3.0, 1.0])},
+    {"height": np.array([1.0, 3.25, 1.0])},
+    {"depth": np.array([0.0, 0.75, 0.0])},
+    {"depth": np.array([0.25, 0.5, 0.0])},
+]
+
+
+@pytest.mark.parametrize("ends", BEYOND)
+def test_a_measured_patch_lies_within_its_points_or_is_marked(ends: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"^height: lies beyond bottom and top"):
+        replace(a_map(), **ends).check()
+    moved = a_map().with_columns(**ends)
+    moved.check()
+    assert moved.moved.sum() == 1
+
+
+@pytest.mark.parametrize("marked", [0, 1, 2])
+def test_no_other_patch_is_marked_as_moved(marked: int) -> None:
+    moved = (np.arange(3) == marked).astype(np.uint8)
+    with pytest.raises(InputError, match=r"^moved: must be 1 for measured patches"):
+        replace(a_map(), moved=moved).check()
+    # The wall, shortened at both ends, lies within its points still.
+    shorter = replace(a_map(), height=np.array([1.0, 2.9, 1.0]), depth=np.array([0.0, 0.25, 0.0]))
+    shorter.check()
+    with pytest.raises(InputError, match=r"^moved: "):
+        replace(shorter, moved=moved).check()
+
+
+def test_the_rounding_of_a_lower_end_moves_nothing() -> None:
+    rng = np.random.default_rng(5)
+    for scale in (1e-3, 1.0, 1e8):
+        ends = rng.uniform(0.1, 1, (300, 2)) * scale
+        surface = map_of([Patch(x, 0, z, depth, 0, 3) for x, (z, depth) in enumerate(ends)])
+        # As stages compute them: from the lower end up to a height within the patch.
+        height = surface.height - rng.uniform(0, 1, 300) * surface.depth
+        lowered = surface.with_columns(height=height, depth=height - surface.low_end)
+        assert not lowered.moved.any()
+        lowered.check()
+        assert surface.with_columns(depth=surface.depth * (1 + 1e-12)).moved.all()
+
+
 def test_a_check_finds_patches_out_of_order() -> None:
     surface = a_map()
     with pytest.raises(InputError, match="sorted"):

@@ -6,17 +6,19 @@ draw twice, so the strip between two cells is cut and the pieces must not overla
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.mesh import Mesh, build_mesh
 from mlscli.mesh.triangulation import nodes_of
 from mlscli.mesh.walls import walls_of
 from mlscli.runtime.arrays import Array
 from tests.helpers.maps import random_map
-from tests.helpers.meshes import Column, a_map, plane
+from tests.helpers.meshes import Column, a_map, areas, plane, shared_edges_of
 
 
 class WallTriangles:
@@ -178,3 +180,62 @@ def test_triangles_join_near_patches_and_never_overlap(seed: int) -> None:
         cuts.sort()
         for (_, high), (low, _) in pairwise(cuts):
             assert high <= low + 1e-9
+
+
+def drawn_out(rng: np.random.Generator) -> SurfaceMap:
+    """Return a map, half of whose measured patches are moved beyond their points."""
+    surface = random_map(rng, fill=0.9)
+    drawn = (surface.origin == 0) & (rng.random(surface.size) < 0.5)
+    up, down = rng.choice([0.0, 0.1, 0.3], (2, surface.size)) * drawn
+    is_wall = surface.depth > 0
+    return surface.with_columns(
+        height=surface.height + up, depth=np.where(is_wall, surface.depth + up + down, 0.0)
+    )
+
+
+def test_a_wall_is_measured_as_far_as_its_points_and_plastered_beyond() -> None:
+    wall = a_map((0, 0, 2, 1), (1, 0, 2, 1))
+    drawn = wall.with_columns(height=np.full(2, 2.5), depth=np.full(2, 2.25))
+    mesh = build_mesh(drawn)
+    own = areas(mesh)
+    group = mesh.group(mesh.triangles)
+    assert own[group == 0].sum() == pytest.approx(1.0)
+    assert own[group == 1].sum() == pytest.approx(1.25)
+    lines = build_mesh(drawn, "patches")
+    length = np.abs(np.diff(lines.vertices[lines.lines, 2], axis=1))[:, 0]
+    assert length[lines.group(lines.lines) == 0].tolist() == [1.0, 1.0]
+    assert length[lines.group(lines.lines) == 1].tolist() == [0.5, 0.75] * 2
+
+
+def test_a_wall_that_stands_alone_is_parted_where_its_points_end() -> None:
+    mesh = build_mesh(a_map((0, 0, 2, 1)).with_columns(depth=np.array([1.5])))
+    own, group = areas(mesh), mesh.group(mesh.triangles)
+    # Two quads that cross, half a cell wide, and a square on top.
+    assert own[group == 0].sum() == pytest.approx(2 * 0.5 * 1.0 + 0.25)
+    assert own[group == 1].sum() == pytest.approx(2 * 0.5 * 0.5)
+
+
+def test_marks_change_no_surface_and_nothing_beyond_points_is_measured() -> None:
+    rng = np.random.default_rng(6)
+    beyond = 0
+    for _ in range(60):
+        drawn = drawn_out(rng)
+        mesh, unmarked = build_mesh(drawn), build_mesh(replace(drawn, moved=drawn.moved * 0))
+        assert areas(mesh).sum() == pytest.approx(areas(unmarked).sum())
+        measured = mesh.vertices[np.unique(mesh.triangles[mesh.group(mesh.triangles) == 0])]
+        patch = mesh.patch[np.unique(mesh.triangles[mesh.group(mesh.triangles) == 0])]
+        assert (measured[:, 2] <= drawn.top[patch] + 1e-6).all()
+        assert (measured[:, 2] >= drawn.bottom[patch] - 1e-6).all()
+        beyond += int((mesh.group(mesh.triangles) == 1).sum())
+        # No crack is torn.
+        assert open_length(mesh) == pytest.approx(open_length(unmarked))
+    assert beyond > 100
+
+
+def open_length(mesh: Mesh) -> float:
+    """Return the length of all edges that an odd number of triangles use, seen by their places."""
+    places, number = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    welded = replace(mesh, triangles=number.reshape(-1)[mesh.triangles].astype(np.int32))
+    edges = [edge for edge, uses in shared_edges_of(welded).items() if len(uses) % 2]
+    ends = places[np.array(edges, dtype=np.int64).reshape(-1, 2)]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())

@@ -125,8 +125,10 @@ def test_merged_maps_number_the_second_flight_after_the_first() -> None:
 
 def test_new_points_undo_corrections_and_delete_what_was_inserted_near_them() -> None:
     lowered = map_of([Patch(0, 0, 1.0, 0.0, 0, 5), Patch(0, 0, 3.0, 0.0, 2, 0)])
-    lowered = replace(lowered, height=np.array([0.9, 3.0]))
+    lowered = lowered.with_columns(height=np.array([0.9, 3.0]))
     elsewhere = replace(map_of([Patch(0, 0, 9.0, 0.0, 0, 5)]), route=ROUTE)
+    assert add_measured(lowered, elsewhere).moved.tolist() == [1, 0, 0]
+    assert merge_maps(lowered, elsewhere).moved.tolist() == [1, 0, 0]
     assert add_measured(lowered, elsewhere).height.tolist() == [0.9, 3.0, 9.0]
     near_the_inserted = map_of([Patch(0, 0, 3.0 - GAP, 0.0, 0, 5)])
     assert add_measured(lowered, near_the_inserted).origin.tolist() == [0, 0]
@@ -134,6 +136,7 @@ def test_new_points_undo_corrections_and_delete_what_was_inserted_near_them() ->
     merged = add_measured(lowered, on_the_lowered)
     assert merged.height.tolist() == [1.0, 3.0]
     assert merged.count.tolist() == [10, 0]
+    assert merged.moved.tolist() == merge_maps(lowered, on_the_lowered).moved.tolist() == [0, 0]
 
 
 def test_of_inserted_patches_of_two_maps_the_higher_stays() -> None:

@@ -1,4 +1,6 @@
-"""Maps as `.npz` files, format version 1: one array per column, no pickles.
+"""Maps as `.npz` files, format version 2: one array per column, no pickles.
+
+Version 1 had no array `moved`. It is read as well: which patches were moved follows from the rest.
 
 The arrays are stored without compression, each with a fixed date, so that equal maps from equal
 sources make equal files. A reader trusts nothing: names, types, shapes and sizes are checked
@@ -14,6 +16,7 @@ import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -26,7 +29,9 @@ from mlscli.maps.stored_map import StoredMap, column_of
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.runtime.arrays import Array
 
-FORMAT, VERSION = "mls-map", 1
+FORMAT, VERSION = "mls-map", 2
+# What earlier versions did not have.
+_ADDED = {1: ("moved",), VERSION: ()}
 # The largest factor by which deflated data grow; a file that claims more is refused.
 DENSEST = 1032
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -100,19 +105,29 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
         members = _Members(archive)
         if (kind := members.text("format")) != FORMAT:
             raise InputError(f"format: is {kind!r}; it must be {FORMAT!r}")
-        if (version := members.array("version", None, ())) != VERSION:
-            raise InputError(f"version: is {version}; this program reads version {VERSION}")
+        version = int(members.array("version", None, ()))
+        if version not in _ADDED:
+            raise InputError(
+                f"version: is {version}; this program reads versions {min(_ADDED)} to {VERSION}"
+            )
         arrays: dict[str, Any] = {
             name: float(members.array(name, np.float64, ())) for name in LENGTHS
         }
         patches = members.shape("ix")
-        arrays |= {name: members.array(name, dtype, patches[:1]) for name, dtype in COLUMNS.items()}
+        arrays |= {
+            name: np.zeros(patches[:1], dtype)
+            if name in _ADDED[version]
+            else members.array(name, dtype, patches[:1])
+            for name, dtype in COLUMNS.items()
+        }
         route = members.array("route", np.float64, (*members.shape("route")[:1], 4))
         frame_id = members.text("frame_id")
         meta = json.loads(members.text("meta"))
         if not isinstance(meta, dict):
             raise InputError(f"meta: holds a JSON {type(meta).__name__}; it must be an object")
         surface = SurfaceMap(**arrays, frame_id=frame_id, route=route, meta=meta)
+        if "moved" in _ADDED[version]:
+            surface = replace(surface, moved=surface.beyond_points().astype(np.uint8))
         surface.check()
     return surface
 

@@ -70,9 +70,10 @@ async function main() {
     const at = `x ${number(x)}  y ${number(y)}  z ${number(z)}`;
     const i = patchAt(map, x, y, z);
     if (i < 0) return at;
-    const { height, depth, origin, count, first_keyframe, last_keyframe } = map.patches;
+    const { height, depth, origin, moved, count, first_keyframe, last_keyframe } = map.patches;
     const parts = [`${map.origins[origin[i]]} patch: height ${number(height[i])}`];
     if (depth[i] > 0) parts.push(`depth ${number(depth[i])}`);
+    if (moved[i]) parts.push("moved beyond its points");
     if (count[i]) {
       parts.push(`${count[i]} point${count[i] > 1 ? "s" : ""}`);
       const [first, final] = [first_keyframe[i], last_keyframe[i]];

@@ -59,7 +59,7 @@ def test_numpy_reads_the_file_without_pickles(surface: SurfaceMap, written: Path
     with np.load(written, allow_pickle=False) as arrays:
         assert sorted(arrays) == sorted(ARRAYS)
         assert str(arrays["format"]) == "mls-map"
-        assert int(arrays["version"]) == 1
+        assert int(arrays["version"]) == 2
         for name, dtype in COLUMNS.items():
             assert arrays[name].dtype == dtype
             np.testing.assert_array_equal(arrays[name], getattr(surface, name))
@@ -189,11 +189,23 @@ def test_a_failed_write_leaves_nothing(surface: SurfaceMap, tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("version", [0, 2])
+@pytest.mark.parametrize("version", [0, 3])
 def test_another_version_is_refused(written: Path, version: int) -> None:
     rewrite(written, version=np.array(version))
-    with pytest.raises(InputError, match=rf"version: is {version}; this program reads version 1"):
+    with pytest.raises(InputError, match=rf"version: is {version}; this program reads versions 1 "):
         read_map(written)
+
+
+def test_a_map_of_version_1_is_read_and_what_was_moved_in_it_is_found(
+    surface: SurfaceMap, written: Path
+) -> None:
+    walls = surface.take(surface.depth > 0).origin
+    assert {0, 1} <= set(walls.tolist())
+    drawn = surface.with_columns(depth=surface.depth + (surface.depth > 0) * 0.1)
+    assert drawn.moved.sum() == (walls == 0).sum()
+    write_map(written, drawn, overwrite=True)
+    rewrite(written, version=np.array(1), moved=None)
+    assert read_map(written) == drawn
 
 
 def test_a_map_out_of_order_or_with_odd_meta_is_refused(written: Path) -> None:

@@ -153,6 +153,23 @@ def test_a_stage_keeps_the_model(draw: Draw) -> None:
 
 
 @every_stage
+def test_what_a_stage_moves_beyond_what_was_measured_is_marked(draw: Draw) -> None:
+    rng = np.random.default_rng(9)
+    marked = kept = 0
+    for _ in range(MAPS):
+        after = draw(rng)[0].apply(map_for(draw, rng))
+        names = ("origin", "moved", "height", "depth", "bottom", "top")
+        for row in zip(*(getattr(after, name).tolist() for name in names), strict=True):
+            origin, moved, height, depth, bottom, top = row
+            within = bottom - 1e-9 <= height - depth and height <= top
+            assert moved == (origin == 0 and not within)
+            marked += moved
+            kept += origin == 0 and not moved
+    assert (marked > MAPS / 10) is (draw in (walls, pyramids, regions))
+    assert kept > MAPS
+
+
+@every_stage
 def test_limits_confine_a_stage_and_change_nothing_inside(draw: Draw) -> None:
     rng = np.random.default_rng(3)
     for _ in range(MAPS):
