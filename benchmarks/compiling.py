@@ -26,7 +26,7 @@ EVERY = (
     "median",
     "orphans",
     "walls",
-    "plaster",
+    "plaster: {sight: 6 cells}",
     "pyramids",
     "regions: {snap: true}",
 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from types import NoneType
 from typing import Any
 
@@ -16,8 +17,9 @@ import numpy as np
 
 from mlscli.building.batching import BatchGatherer
 from mlscli.errors import UsageError, expect, expect_items
-from mlscli.keyframes.batches import gather
+from mlscli.keyframes.batches import Points, gather
 from mlscli.keyframes.keyframe import Keyframe
+from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change, points_in
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
@@ -202,6 +204,7 @@ class MapBuilder:
     def _grow(self) -> Change:
         """Bring the map up to date with the batches that it has not seen."""
         growing = self._growing_map()
+        self._pipeline.route = self._gatherer.route
         begin = time.perf_counter()
         change = growing.grow(self._gatherer.take_points())
         slowest = self.report.slowest_batch or 0.0
@@ -214,11 +217,16 @@ class MapBuilder:
     def _at_once(self) -> SurfaceMap:
         """Return the map of all points in one pass, by the workers if there are any."""
         pipeline, progress = self._pipeline, self._progress
+        pipeline.route = self._gatherer.route
         if self._workers is not None:
             return map_in_tiles(pipeline, self._gatherer.take_points(), self._workers, progress)
         # No variable keeps the points: they are freed as soon as they are filtered.
-        measured = pipeline.filter_and_group(self._gatherer.take_points(), progress)
-        return pipeline.run_map_stages(measured, progress)
+        filtered = pipeline.filter_points(self._gatherer.take_points(), progress)
+        sights = pipeline.sights(partial(_all, filtered))
+        measured = pipeline.group_points(filtered)
+        # Only sight lines need them any longer.
+        del filtered
+        return pipeline.run_map_stages(measured, progress, sights)
 
     def _up_to_date(self) -> SurfaceMap:
         if self._gatherer.has_points:
@@ -237,6 +245,11 @@ class MapBuilder:
             points_in(surface),
         )  # fmt: skip
         return replace(surface, route=self._gatherer.route, meta=meta)
+
+
+def _all(points: Points, cells: CellSet) -> Points:  # noqa: ARG001
+    """Return all points, whatever the cells."""
+    return points
 
 
 def growing_map(pipeline: Pipeline) -> GrowingMap:

@@ -201,6 +201,7 @@ class _LargeMapBuilder:
             self._parameters = self._parameters.with_noise(self._noise.value)
             self._pipeline = Pipeline(self._parameters, self._pipeline.grid.frame_id, self.report)
         pipeline = self._pipeline
+        pipeline.route = self._gatherer.route
         tiles = evaluate_tiles(pipeline, self._blocks, self._tiles(), self._workers, self._progress)
         parts = [_PatchesByX.of(surface, self._disk) for surface in tiles]
         bands = _bands(parts, pipeline.grid, self._room // 2 // ORDERED)

@@ -85,6 +85,12 @@ class FilteredPoints:
         outcome = self._filtered(pipeline, Outcome(given.cells, rows), before, rows)
         return outcome, len(rows) - len(before)
 
+    def kept_near(self, cells: CellSet, cell_size: float) -> Points:
+        """Return all points that the stage has placed in `cells`, and others beside them."""
+        # What is placed in a cell comes from less than half the reach away.
+        reach = 0 if self._stage is None else self._stage.reach(cell_size)
+        return kept(self._tiles.extract(cells.widened(-(-reach // 2))))
+
     def _filtered(
         self, pipeline: Pipeline, given: Outcome, removed: UInt64, added: UInt64
     ) -> Outcome:

@@ -5,7 +5,11 @@ What a batch costs depends on the points in and around it, not on the size of th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from typing import Protocol
+
+import numpy as np
 
 from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import CellSet
@@ -14,8 +18,11 @@ from mlscli.maps.merging import with_measured
 from mlscli.maps.records import records_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.maps.tiled_map import TiledMap
+from mlscli.maps.tiled_rows import TiledRows
 from mlscli.pipeline.filtering import FilteredPoints, kept
 from mlscli.pipeline.pipeline import Pipeline
+from mlscli.pipeline.stages.sights import Sights
+from mlscli.runtime.arrays import UInt64
 
 
 class GrowingMap(Protocol):
@@ -43,17 +50,30 @@ class ConsistentMap:
         self._points = [FilteredPoints(stage) for stage in pipeline.point_stages or (None,)]
         # What was measured, and what each map stage makes of it.
         self._maps = [TiledMap(pipeline.grid) for _ in (None, *pipeline.map_stages)]
+        # For each map stage, the cells in which it asked what was seen through.
+        self._asked = [AskedCells() for _ in pipeline.map_stages]
 
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
         pipeline = self._pipeline
-        change = self._measure(points)
-        for stage, source, target in zip(
-            pipeline.map_stages, self._maps, self._maps[1:], strict=False
+        change, filtered = self._measure(points)
+        for stage, source, target, asked in zip(
+            pipeline.map_stages, self._maps, self._maps[1:], self._asked, strict=False
         ):
             reach = stage.reach(pipeline.cell_size) or 0
-            cells = change.cells.widened(reach)
-            after = pipeline.run_stage(stage, source.extract(cells.widened(reach)))
+            cells = change.cells
+            sight = stage.sight_reach(pipeline.cell_size)
+            near = partial(self._points[-1].kept_near, cell_size=pipeline.cell_size)
+            sights = Sights(pipeline.route, near) if sight else None
+            if sights is not None and sights.known:
+                cells = asked.joined_with(cells, filtered.widened(sight))
+            cells = cells.widened(reach)
+            if sights is not None:
+                sights.cells = cells
+            after = pipeline.run_stage(stage, source.extract(cells.widened(reach)), sights=sights)
+            if sights is not None:
+                # Also while no position is known: one may be later.
+                asked.replace(cells, sights.asked)
             came = change.points
             change = target.replace(cells, after)
             pipeline.report.drop(stage.name, came - change.points)
@@ -63,8 +83,16 @@ class ConsistentMap:
         """Return the map so far."""
         return self._maps[-1].whole()
 
-    def _measure(self, new: Points) -> Change:
-        """Filter the points around new ones again, and group them."""
+    def _measure(self, new: Points) -> tuple[Change, CellSet]:
+        """Filter the points around new ones again, and group them.
+
+        Returns
+        -------
+        change : Change
+            Of the measured patches.
+        cells : CellSet
+            All cells in which filtered points can differ from before.
+        """
         pipeline = self._pipeline
         outcome = self._points[0].add(pipeline, new)
         came = [new.size]
@@ -75,14 +103,35 @@ class ConsistentMap:
         came.append(change.points)
         for stage, before, after in zip(pipeline.point_stages, came, came[1:], strict=False):
             pipeline.report.drop(stage.name, before - after)
-        return change
+        return change, outcome.cells
+
+
+class AskedCells:
+    """The cells in which a stage asked what was seen through, when it last ran there.
+
+    What is seen elsewhere changes nothing.
+    """
+
+    def __init__(self) -> None:
+        self._tiles = TiledRows(1)
+
+    def joined_with(self, cells: CellSet, seen: CellSet) -> CellSet:
+        """Return the cells of a listed set, and those of `seen` in which the stage asked."""
+        asked = self._tiles.extract(seen)[:, 0]
+        return CellSet.of_keys(np.concatenate((cells.keys, asked)))
+
+    def replace(self, cells: CellSet, asked: Sequence[UInt64]) -> None:
+        """Note where the stage asked when it ran in `cells`, as it did on their rim, too."""
+        listed = CellSet.of_keys(np.concatenate((np.empty(0, dtype=np.uint64), *asked)))
+        self._tiles.put(cells, np.empty((0, 1), dtype=np.uint64))
+        self._tiles.put(listed, listed.keys[:, None].copy())
 
 
 class SequentialMap:
     """The map that the thesis makes (section 4.1): each batch is filtered alone, and added.
 
     Each stage reads the map as the stage before left it, and replaces the cells within its reach of
-    the new patches.
+    the new patches. Of sight lines, those of the batch count.
     """
 
     def __init__(self, pipeline: Pipeline) -> None:
@@ -92,7 +141,9 @@ class SequentialMap:
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
         pipeline, tiles = self._pipeline, self._tiles
-        new = records_of(pipeline.filter_and_group(points))
+        filtered = pipeline.filter_points(points)
+        sights = pipeline.sights(lambda _: filtered)
+        new = records_of(pipeline.group_points(filtered))
         changed = CellSet.of_keys(new["cell"])
         reaches = [stage.reach(pipeline.cell_size) or 0 for stage in pipeline.map_stages]
         widest = changed.widened(max(reaches, default=0))
@@ -102,7 +153,8 @@ class SequentialMap:
             change = tiles.replace(changed, with_measured(there, new, pipeline.grid))
         for stage, reach in zip(pipeline.map_stages, reaches, strict=True):
             cells = changed.widened(reach)
-            after = pipeline.run_stage(stage, tiles.extract(cells.widened(reach)))
+            source = tiles.extract(cells.widened(reach))
+            after = pipeline.run_stage(stage, source, sights=sights)
             pipeline.report.drop(stage.name, -tiles.replace(cells, after).points)
         if pipeline.map_stages:
             # What one stage changes, the next may change back.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -14,6 +14,7 @@ from mlscli.maps.grid import Grid
 from mlscli.parameters.fields import UNKNOWN, fields_of, json_value, parameter, write_value
 from mlscli.parameters.lengths import Cells, Length, in_units
 from mlscli.pipeline.stages.rays import Rays
+from mlscli.pipeline.stages.regions import Regions
 from mlscli.pipeline.stages.registry import STAGES
 from mlscli.pipeline.stages.stage import Fault, PointStage, Stage
 
@@ -76,7 +77,7 @@ DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
     },
     "orphans": {},
     "walls": {"join": Cells(2), "along": Cells(3), "support": 1},
-    "plaster": {"slope_reach": Cells(2), "support": 2, "over_lower": False},
+    "plaster": {"slope_reach": Cells(2), "support": 2, "over_lower": False, "sight": Cells(6)},
     "pyramids": {"pits": True},
 }
 """The stages by default, with rules that improve on the thesis's (see benchmarks/README.md).
@@ -281,6 +282,19 @@ def contradictions(parameters: Parameters) -> Iterator[Contradiction]:
         faults = list(_too_long(parameters, stage, size))
         for fault in faults or _stage_faults(stage, size, gap_size):
             yield Contradiction(stage.name, index, *fault)
+    yield from _out_of_sight(parameters.pipeline)
+
+
+def _out_of_sight(pipeline: Sequence[Stage]) -> Iterator[Contradiction]:
+    """Yield a contradiction for stages that follow sight lines where only the map is left."""
+    after = ""
+    for index, stage in enumerate(pipeline):
+        sight = getattr(stage, "sight", UNKNOWN)
+        if after and sight is not UNKNOWN and in_units(sight, 1.0) > 0:
+            message = f"sight lines cannot be followed after {after}, which needs the whole map"
+            yield Contradiction(stage.name, index, "sight", f"{message}; 0, or put it before")
+        if isinstance(stage, Regions):
+            after = stage.name
 
 
 def _greatest_gap_size(parameters: Parameters) -> Length | None:

@@ -10,12 +10,16 @@ from collections.abc import Callable
 from copy import copy
 from itertools import takewhile
 
+import numpy as np
+
 from mlscli.keyframes.batches import Points
+from mlscli.maps.cells import CellSet
 from mlscli.maps.change import points_in
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.report import Report
+from mlscli.pipeline.stages.sights import Sights
 from mlscli.pipeline.stages.stage import Evaluated, MapStage, PointStage
 from mlscli.runtime.arrays import Bool
 
@@ -47,6 +51,9 @@ class Pipeline:
     final_stages : list of MapStage
         That stage, and all after it: they need the whole map.
     grid : Grid
+    route : float64 (K, 4)
+        Time, x, y, z of the craft for the keyframes of all points, for stages that follow sight
+        lines; whoever has the keyframes sets it. At first it is empty.
 
     Raises
     ------
@@ -64,6 +71,7 @@ class Pipeline:
         self.parameters = parameters
         self.cell_size = cell_size = self.grid.cell_size
         self.report = report
+        self.route = np.empty((0, 4))
         stages = parameters.pipeline
         self.point_stages = [stage for stage in stages if isinstance(stage, PointStage)]
         map_stages = [stage for stage in stages if isinstance(stage, MapStage)]
@@ -71,10 +79,15 @@ class Pipeline:
         self.map_stages = list(bounded)
         self.final_stages = map_stages[len(self.map_stages) :]
 
-    def run_map_stages(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
+    def run_map_stages(
+        self,
+        surface: SurfaceMap,
+        progress: Progress | None = None,
+        sights: Sights | None = None,
+    ) -> SurfaceMap:
         """Return what all map stages but the final ones make of measured patches."""
         for stage in self.map_stages:
-            surface = self.run_and_count(stage, surface, progress)
+            surface = self.run_and_count(stage, surface, progress, sights)
         return surface
 
     def run_final_stages(self, surface: SurfaceMap, progress: Progress | None = None) -> SurfaceMap:
@@ -85,17 +98,36 @@ class Pipeline:
 
     def filter_and_group(self, points: Points, progress: Progress | None = None) -> SurfaceMap:
         """Return the measured patches of points, filtered by all point stages."""
+        return self.group_points(self.filter_points(points, progress))
+
+    def filter_points(self, points: Points, progress: Progress | None = None) -> Points:
+        """Return what all point stages make of points."""
         for stage in self.point_stages:
             kept = self.run_point_stage(stage, points, progress)
             self.report.drop(stage.name, points.size - kept.size)
             points = kept
-        return self.group_points(points)
+        return points
+
+    def sights(self, near: Callable[[CellSet], Points]) -> Sights | None:
+        """Return the sight lines of filtered points; None where no stage follows any there are.
+
+        Parameters
+        ----------
+        near : callable
+            As for `Sights`.
+        """
+        sights = Sights(self.route, near)
+        return sights if self.sight_reach and sights.known else None
 
     def run_and_count(
-        self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None
+        self,
+        stage: MapStage,
+        surface: SurfaceMap,
+        progress: Progress | None = None,
+        sights: Sights | None = None,
     ) -> SurfaceMap:
         """Return what a stage makes of a map, and count the points that it drops."""
-        after = self.run_stage(stage, surface, progress)
+        after = self.run_stage(stage, surface, progress, sights)
         self.report.drop(stage.name, points_in(surface) - points_in(after))
         return after
 
@@ -110,7 +142,12 @@ class Pipeline:
         """How many cells away a point can change the map, the final stages left out."""
         reaches = [stage.reach(self.cell_size) for stage in self.point_stages]
         reaches += [stage.reach(self.cell_size) or 0 for stage in self.map_stages]
-        return sum(reaches)
+        return sum(reaches) + self.sight_reach
+
+    @property
+    def sight_reach(self) -> int:
+        """How many cells away a filtered point's sight line can change what a map stage does."""
+        return max((stage.sight_reach(self.cell_size) for stage in self.map_stages), default=0)
 
     # --- the steps, timed; callers count what is dropped, as they know in which cells ---
 
@@ -133,12 +170,16 @@ class Pipeline:
             return group(points, self.grid)
 
     def run_stage(
-        self, stage: MapStage, surface: SurfaceMap, progress: Progress | None = None
+        self,
+        stage: MapStage,
+        surface: SurfaceMap,
+        progress: Progress | None = None,
+        sights: Sights | None = None,
     ) -> SurfaceMap:
         """Return what a stage makes of a map."""
         tell = _teller(stage.name, surface.size, progress)
         with self.report.timed(stage.name):
-            after = stage.apply(surface)
+            after = stage.apply(surface, sights)
         if tell is not None:
             tell(surface.size)
         return after

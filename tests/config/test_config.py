@@ -74,6 +74,7 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
                 slope_reach=Cells(2),
                 support=2,
                 over_lower=False,
+                sight=Cells(6),
             ),
             Pyramids(height_factor_thresh=1.5, max_height=None, pits=True),
         ),

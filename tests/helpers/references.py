@@ -117,6 +117,7 @@ def plaster(
     slope_reach: float = 0.0,
     support: int = 0,
     over_lower: bool = True,
+    seen: Callable[[Patch], bool] | None = None,
 ) -> list[Patch]:
     def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
         difference = abs(other.height - patch.height)
@@ -130,9 +131,55 @@ def plaster(
         judge = _surfaces(
             patches, certain, gap_size, clearance if support else math.inf, support, over_lower
         )
+        judge = judge if seen is None else _unseen(judge, certain, seen)
         closings = _closings(patches, certain, allowed, rank, lambda patch: patch.height, judge)
         patches = patches + _with_room(closings, patches, gap_size)
     return ordered(patches)
+
+
+def _unseen(judge: Judge, certain: int, seen: Callable[[Patch], bool]) -> Judge:
+    """Return what tells whether a gap is closed, given which patches were seen through."""
+
+    def both(near: Patch, far: Patch, step: tuple[int, int], d: int) -> bool:
+        if not judge(near, far, step, d):
+            return False
+        closing = [
+            Patch(near.ix + step[0] * k, near.iy + step[1] * k, height, 0.0, 2, 0)
+            for k in range(1, d)
+            for height in [_between(near.height, far.height, k, d)]
+        ]
+        return d - 1 <= certain or not any(map(seen, closing))
+
+    return both
+
+
+Place = tuple[float, float, float]
+
+
+def seen_through(
+    patch: Patch, lines: Iterable[tuple[Place, Place]], cell_size: float, farthest: int
+) -> bool:
+    """Tell whether two sight lines, each from the craft to a point, pass through a patch."""
+    return sum(_crosses(patch, *line, cell_size, farthest) for line in lines) >= 2
+
+
+def _crosses(patch: Patch, craft: Place, point: Place, cell_size: float, farthest: int) -> bool:
+    if any(math.isnan(coordinate) for coordinate in craft):
+        return False
+    cell = [math.floor(coordinate / cell_size) for coordinate in point[:2]]
+    if max(abs(cell[0] - patch.ix), abs(cell[1] - patch.iy)) > farthest:
+        return False
+    above, below = max(craft[2], point[2]), min(craft[2], point[2])
+    if not below < patch.height < above or abs(point[2] - patch.height) < cell_size / 2:
+        return False
+    share = (patch.height - craft[2]) / (point[2] - craft[2])
+    there = [c + share * (p - c) for c, p in zip(craft, point, strict=True)]
+    inside = all(
+        index * cell_size < coordinate < (index + 1) * cell_size
+        for index, coordinate in zip(patch.cell, there, strict=False)
+    )
+    dx, dy, dz = (p - c for c, p in zip(craft, point, strict=True))
+    return inside and (1 - share) * math.sqrt(dx * dx + dy * dy + dz * dz) >= cell_size
 
 
 def _surfaces(

@@ -8,7 +8,7 @@ stage asks of a gap beyond that stands in `evidence.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -178,17 +178,24 @@ class Gaps(NamedTuple):
 # Tells which gaps are closed, bool (G,).
 Judge = Callable[[Gaps], Bool]
 
+# The same of the gaps along both directions, all at once.
+Witness = Callable[[Sequence[Gaps]], list[Bool]]
+
 
 def close_gaps(
-    intervals: Intervals, widths: Widths, tolerance: Tolerance, judge: Judge | None = None
+    intervals: Intervals,
+    widths: Widths,
+    tolerance: Tolerance,
+    judge: Judge | None = None,
+    witness: Witness | None = None,
 ) -> Inserted:
     """Return the patches that close the gaps along x and along y, in no particular order.
 
     From each interval the search goes along a line at distances d = 1, 2, ... cells. The intervals
     there that are near enough in height are candidates. The first d with a candidate decides; of
     several candidates, the one at the least distance, then with the least difference of upper ends,
-    then the higher. A gap is closed where its two ends find each other, and the judge, if there is
-    one, agrees.
+    then the higher. A gap is closed where its two ends find each other, and the judge and the
+    witness, if there are any, agree.
 
     Parameters
     ----------
@@ -197,24 +204,32 @@ def close_gaps(
     widths : Widths
     tolerance : Tolerance
     judge : callable, optional
-        Tells which gaps, as `Gaps`, are closed, bool (G,); by default all are.
+        Tells which gaps, as `Gaps`, are closed, bool (G,); by default all are. Several threads ask
+        it, each of some gaps.
+    witness : callable, optional
+        The same of all gaps to which the judge agrees: it is asked once, of those along y and those
+        along x.
     """
     ix, iy, _ = intervals.cells
     columns, rows = Lines(ix, iy, *links(ix)), Lines(iy, ix, *links(iy))
-    along_y = _close_along(columns, rows, intervals, widths, tolerance, judge)
-    along_x = _close_along(rows, columns, intervals, widths, tolerance, judge)
+    asked = intervals, widths, tolerance, judge
+    found = [_gaps_along(columns, rows, *asked), _gaps_along(rows, columns, *asked)]
+    if witness is not None:
+        closed = zip(found, witness(found), strict=True)
+        found = [gaps._replace(pairs=gaps.pairs[which]) for gaps, which in closed]
+    along_y, along_x = (_filled(gaps, intervals) for gaps in found)
     return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
 
 
-def _close_along(
+def _gaps_along(
     lines: Lines,
     across: Lines,
     intervals: Intervals,
     widths: Widths,
     tolerance: Tolerance,
     judge: Judge | None,
-) -> Inserted:
-    """Return the patches that close gaps along lines; their `ix` is the line, `iy` the position.
+) -> Gaps:
+    """Return the gaps along lines whose ends have found each other, and to which the judge agrees.
 
     Parameters
     ----------
@@ -231,8 +246,15 @@ def _close_along(
         return pairs if judge is None else pairs[judge(Gaps(pairs, lines, across, certain))]
 
     pairs = np.concatenate(in_ranges(len(lines.line), seek, weight=LIGHT))
-    in_line, at, height, low_end, width = _fill(pairs, lines, *ends[1:])
-    origin = np.where(width <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8)
+    return Gaps(pairs, lines, across, certain)
+
+
+def _filled(gaps: Gaps, intervals: Intervals) -> Inserted:
+    """Return the patches that close gaps; their `ix` is the line, `iy` the position."""
+    in_line, at, height, low_end, width = _fill(
+        gaps.pairs, gaps.lines, frozen(intervals.low), frozen(intervals.high)
+    )
+    origin = np.where(width <= gaps.certain, PLASTERED, ARTIFICIAL).astype(np.uint8)
     return Inserted(in_line, at, height, height - low_end, origin)
 
 

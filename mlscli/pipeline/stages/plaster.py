@@ -15,10 +15,13 @@ The thesis trusts a slope over the whole gap, so that a wide one joins surfaces 
 With `slope_reach` the height difference allowed grows over that distance only. With `support`, a
 gap wider than `max_gap` is closed only where it is level and both its ends are edges of surfaces,
 and without `over_lower` only where no lower level was seen through it; `evidence.py` has the rules.
+With `sight`, such a gap stays open where it was seen through, from where the craft is known to have
+been; `unseen.py` has the rule.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -26,10 +29,20 @@ import numpy as np
 
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.fields import parameter
-from mlscli.parameters.lengths import Cells, Length, in_units
+from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
 from mlscli.pipeline.stages.evidence import are_surfaces
-from mlscli.pipeline.stages.gaps import Gaps, GapStage, Intervals, Judge, Tolerance, close_gaps
+from mlscli.pipeline.stages.gaps import (
+    Gaps,
+    GapStage,
+    Intervals,
+    Judge,
+    Tolerance,
+    Witness,
+    close_gaps,
+)
 from mlscli.pipeline.stages.inserted import settle
+from mlscli.pipeline.stages.sights import Sights
+from mlscli.pipeline.stages.unseen import unseen
 from mlscli.runtime.arrays import Bool
 
 
@@ -63,12 +76,30 @@ class Plaster(GapStage):
         "whether gaps wider than max_gap are closed above patches that lie deeper than gap_size",
     )
 
+    sight: Length = parameter(
+        0,
+        "gaps wider than max_gap stay open where points were seen through them, from where the "
+        "craft is known to have been; points count up to so far beside a gap; 0: none",
+        low=0,
+    )
+
+    def sight_reach(self, cell_size: float) -> int:
+        """Return how far beside a gap points count, in whole cells; 0 without a second pass."""
+        return whole_cells(self.sight, cell_size) if len(list(self.passes(cell_size))) > 1 else 0
+
     def reach(self, cell_size: float) -> int:
         """Return the widths of both passes in whole cells, and one where the ends need support."""
         return super().reach(cell_size) + (self.support > 0)
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with its gaps closed."""
+        return self._closed(surface, None)
+
+    def transform_seen(self, surface: SurfaceMap, sights: Sights) -> SurfaceMap:
+        """Return the map with its gaps closed, but for wide ones that were seen through."""
+        return self._closed(surface, sights)
+
+    def _closed(self, surface: SurfaceMap, sights: Sights | None) -> SurfaceMap:
         cell_size = surface.cell_size
         tolerance = Tolerance(
             cell_size,
@@ -79,10 +110,22 @@ class Plaster(GapStage):
         for widths in self.passes(cell_size):
             heights = Intervals(surface.cells, surface.height, surface.height)
             judge = self._judge(surface, tolerance.clearance)
-            surface = surface.with_inserted(
-                *settle(close_gaps(heights, widths, tolerance, judge), surface)
-            )
+            witness = self._witness(surface, sights)
+            closing = close_gaps(heights, widths, tolerance, judge, witness)
+            surface = surface.with_inserted(*settle(closing, surface))
         return surface
+
+    def _witness(self, surface: SurfaceMap, sights: Sights | None) -> Witness | None:
+        """Return what tells through which wide gaps nothing was seen; None: nobody asks."""
+        farthest = self.sight_reach(surface.cell_size)
+        if sights is None or not farthest:
+            return None
+        cells, height = surface.cells, surface.height
+
+        def witness(gaps: Sequence[Gaps]) -> list[Bool]:
+            return unseen(gaps, cells, height, sights, surface.cell_size, farthest)
+
+        return witness
 
     def _judge(self, surface: SurfaceMap, clearance: float) -> Judge | None:
         """Return what tells which wide gaps are in a surface; None: nobody asks."""

@@ -22,6 +22,7 @@ from mlscli.runtime.arrays import Bool, Float64
 
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
+    from mlscli.pipeline.stages.sights import Sights
 
 
 class Fault(NamedTuple):
@@ -140,19 +141,33 @@ class MapStage(Stage):
     def reach(self, cell_size: float) -> int | None:
         """Return how many cells away a patch can still change a result; None: any number."""
 
+    def sight_reach(self, cell_size: float) -> int:  # noqa: ARG002
+        """Return how many cells away a point's sight line can still change a result; 0: none can.
+
+        A stage that follows sight lines overrides it, and `transform_seen`.
+        """
+        return 0
+
     @abstractmethod
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return what the stage makes of the whole map, without limits."""
 
-    def apply(self, surface: SurfaceMap) -> SurfaceMap:
-        """Return the map after the stage, within its limits."""
+    def transform_seen(self, surface: SurfaceMap, sights: Sights) -> SurfaceMap:  # noqa: ARG002
+        """Return what the stage makes of the whole map, given sight lines, without limits."""
+        return self.transform(surface)
+
+    def apply(self, surface: SurfaceMap, sights: Sights | None = None) -> SurfaceMap:
+        """Return the map after the stage, within its limits; without sight lines none are known."""
         limits = self.limits
         if limits == Limits():
-            return self.transform(surface)
+            return self._transformed(surface, sights)
         reach = self.reach(surface.cell_size)
         source = surface if reach is None else surface.crop(*limits.widened(reach))
         outside = surface.take(~limits.contain(surface.ix, surface.iy))
-        return outside.union(self.transform(source).crop(*limits))
+        return outside.union(self._transformed(source, sights).crop(*limits))
+
+    def _transformed(self, surface: SurfaceMap, sights: Sights | None) -> SurfaceMap:
+        return self.transform(surface) if sights is None else self.transform_seen(surface, sights)
 
     @property
     def limits(self) -> Limits:

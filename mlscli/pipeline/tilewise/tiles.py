@@ -179,10 +179,12 @@ def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTil
         points = points.take(limits.widened(margin).contain(*cells))
         before, inside = inside, _count(limits, *cells)
         report.drop(filtering.name, before - inside)
-    surface = pipeline.group_points(points)
+    surface, sights = pipeline.group_points(points), pipeline.sights(lambda _: points)
+    margin -= pipeline.sight_reach
     for stage in pipeline.map_stages:
         margin -= stage.reach(cell_size) or 0
-        surface = pipeline.run_stage(stage, surface).crop(*limits.widened(margin))
+        after = pipeline.run_stage(stage, surface, sights=sights)
+        surface = after.crop(*limits.widened(margin))
         before, inside = inside, points_in(surface.crop(*limits))
         report.drop(stage.name, before - inside)
     return EvaluatedTile(surface.crop(*limits), report)
