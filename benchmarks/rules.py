@@ -13,7 +13,7 @@ from statistics import mean
 
 import numpy as np
 
-from mlscli.building.cell_size import auto_cell_size
+from mlscli.building.sizes import auto_cell_size
 from mlscli.config import load
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.fields import fields_of, write_value
