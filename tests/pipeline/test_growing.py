@@ -24,7 +24,7 @@ from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.cells import cell_indices
 from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.parameters.lengths import in_units
+from mlscli.parameters.lengths import Cells, in_units
 from mlscli.pipeline.grouping import group
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.stages.median import Median
@@ -62,7 +62,7 @@ def parameters(pipeline: str, mode: str = "consistent") -> Parameters:
 def one_pass(points: Points, given_parameters: Parameters, *, final: bool) -> SurfaceMap:
     """Return what the stages make of all points at once, by nothing but their definition."""
     sizes = given_parameters.map
-    assert isinstance(sizes.gap_size, float)
+    assert isinstance(sizes.gap_size, float | Cells)
     cell_size = float(sizes.cell_size)
     grid = (
         cell_size,

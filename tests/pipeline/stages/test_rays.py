@@ -24,6 +24,7 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.stages.median import Median
 from mlscli.pipeline.stages.rays import Rays
+from mlscli.pipeline.stages.stage import PointStage
 from mlscli.runtime.arrays import Float64
 from tests.helpers import point_references as references
 from tests.helpers.maps import CELL, symmetries, turned_points
@@ -39,6 +40,8 @@ STAGES = st.sampled_from(
         Rays(0.05, min_share=0.0, min_nb=4),
     ]
 )
+
+THEN = st.sampled_from([(), (Median(0.6, 4, 1, 0.2),), (Rays(0.06, max_nb=8, min_nb=4),)])
 
 
 def displaced(true: Float64, cameras: Float64, rng: np.random.Generator) -> Points:
@@ -198,13 +201,12 @@ def rows(points: Points) -> list[bytes]:
 
 
 @settings(max_examples=25, deadline=None)
-@given(seeds, STAGES, st.lists(st.integers(1, 60), min_size=2, max_size=6), st.booleans())
+@given(seeds, STAGES, st.lists(st.integers(1, 60), min_size=2, max_size=6), THEN)
 def test_batches_and_tiles_give_the_map_of_one_pass(
-    seed: int, stage: Rays, sizes: list[int], then: bool
+    seed: int, stage: Rays, sizes: list[int], then: tuple[PointStage, ...]
 ) -> None:
     points = cloud(seed, 200)
-    median = (Median(0.6, 4, 1, 0.2),) if then else ()
-    parameters = parameters_of([stage, *median])
+    parameters = parameters_of([stage, *then])
     flight = keyframes(points, sizes)
     whole = built(parameters, flight)
     assert whole.size
