@@ -71,7 +71,7 @@ def reading(command: Command) -> Command:
             "--columns",
             metavar="LIST",
             help="Columns of a text cloud, such as x,y,z,-,keyframe,cx,cy,cz: - skips one, "
-            "cx,cy,cz is where the craft was, t a time stamp.",
+            "cx,cy,cz is where the craft was, qx,qy,qz,qw its attitude, t a time stamp.",
         ),
         click.option(
             "--start",

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from mlscli.keyframes.keyframe import UNKNOWN_POSITION
+from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Axes
 from mlscli.runtime.arrays import Array, Float64, Int64
 
 UNKNOWN_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
@@ -39,6 +39,8 @@ class Cloud:
     message : int
         The number of the message that it comes from, within a pass over its source; -1 where it
         comes from none.
+    axes : {"camera", "body", "unknown"}
+        Whose axes these are, see `Axes`.
     """
 
     points: Float64
@@ -47,11 +49,17 @@ class Cloud:
     frame_id: str = ""
     attitude: tuple[float, float, float, float] = UNKNOWN_ATTITUDE
     message: int = -1
+    axes: Axes = "unknown"
 
     @property
     def has_position(self) -> bool:
         """Whether the position of the craft is known."""
         return all(map(math.isfinite, self.position))
+
+    @property
+    def has_attitude(self) -> bool:
+        """Whether the attitude of the craft or its camera is known."""
+        return all(map(math.isfinite, self.attitude))
 
 
 class StampedPoses(NamedTuple):

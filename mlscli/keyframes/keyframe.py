@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,9 @@ FARTHEST = 1e8
 """The greatest absolute value of a coordinate; a point with a greater one is no measurement."""
 
 UNKNOWN_POSITION = (math.nan, math.nan, math.nan)
+
+Axes: TypeAlias = Literal["camera", "body", "unknown"]
+"""Whose axes an attitude is of: a camera's (x right, y down, z ahead), a body's (x ahead, z up)."""
 
 
 def require_points(points: Array, argument: str) -> None:

@@ -68,7 +68,7 @@ def by_camera(
     ends = np.searchsorted(first[order], np.arange(-1, len(cameras)), side="right")
     unseen, *seen = np.split(points[order], ends[:-1])
     clouds = [
-        Cloud(cloud, camera.stamp, camera.position, attitude=camera.attitude)
+        Cloud(cloud, camera.stamp, camera.position, attitude=camera.attitude, axes="camera")
         for cloud, camera in zip(seen, cameras, strict=True)
     ]
     notes = []

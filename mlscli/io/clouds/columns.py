@@ -14,7 +14,8 @@ import numpy as np
 from mlscli.errors import InputError, UsageError
 from mlscli.runtime.arrays import Float64
 
-COLUMNS = ("x", "y", "z", "keyframe", "t", "cx", "cy", "cz")
+CENTRE, ATTITUDE = ("cx", "cy", "cz"), ("qx", "qy", "qz", "qw")
+COLUMNS = ("x", "y", "z", "keyframe", "t", *CENTRE, *ATTITUDE)
 
 BLOCK_CHARACTERS = 1 << 22
 """Characters read at a time."""
@@ -61,7 +62,8 @@ def parse_columns(columns: str) -> dict[str, int]:
     Raises
     ------
     UsageError
-        A name is unknown or repeated, or x, y, z or part of cx, cy, cz is missing.
+        A name is unknown or repeated, or x, y, z is missing, or part of cx, cy, cz or of qx, qy,
+        qz, qw.
     """
     names = [name.strip().lower() for name in columns.split(",")]
     for name in names:
@@ -85,6 +87,9 @@ def parse_columns(columns: str) -> dict[str, int]:
 def header_columns(names: Sequence[str]) -> dict[str, int] | None:
     """Return the index of each known column of a header; None where some lack or are repeated."""
     known = [_OTHER_NAMES.get(name, name) for name in names]
+    if not {*ATTITUDE} <= {*known}:
+        # Numbers of another kind have such names, too.
+        known = ["-" if name in ATTITUDE else name for name in known]
     if _missing(known) or any(known.count(name) > 1 for name in COLUMNS):
         return None
     return {name: known.index(name) for name in known if name in COLUMNS}
@@ -97,8 +102,9 @@ def is_known(name: str) -> bool:
 
 def _missing(names: Sequence[str]) -> str:
     """Return which columns are missing, as text; empty where none is."""
-    centre = [name for name in ("cx", "cy", "cz") if name in names]
-    needed = ["x", "y", "z", *(["cx", "cy", "cz"] if centre else [])]
+    needed = ["x", "y", "z"]
+    for together in (CENTRE, ATTITUDE):
+        needed += together if any(name in names for name in together) else ()
     absent = [name for name in needed if name not in names]
     return f"{', '.join(absent)} missing" if absent else ""
 

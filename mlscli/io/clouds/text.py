@@ -14,7 +14,7 @@ Otherwise blank lines separate keyframes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from mlscli.io.clouds import columns as lines
 from mlscli.io.clouds.pointfile import Content, PointFile
 from mlscli.io.clouds.trajectory import is_trajectory
 from mlscli.io.source import Cloud, rows_by_first_appearance
-from mlscli.runtime.arrays import Array, Bool, Float64
+from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 
 
 class TextCloud(PointFile):
@@ -49,15 +49,23 @@ class TextCloud(PointFile):
         self._layout = None if columns is None else lines.parse_columns(columns)
 
     def _read(self) -> Content:
-        """Return a cloud for each keyframe, with the time and position in its first row."""
+        """Return a cloud for each keyframe, with the time and pose in its first row."""
         table = _Parser(self.path, self._layout).parse()
         xyz = table.columns("x", "y", "z")
         stamps = table.column("t")
-        positions = table.columns("cx", "cy", "cz")
+        keyframes = rows_by_first_appearance(table.labels)
+        first = table.at(np.array([rows[0] for rows in keyframes], dtype=np.int64))
         clouds = []
-        for rows in rows_by_first_appearance(table.labels):
-            x, y, z = positions[rows[0]].tolist()
-            clouds.append(Cloud(xyz[rows], float(stamps[rows[0]]), (x, y, z)))
+        for rows, stamp, position, attitude in zip(
+            keyframes,
+            first.column("t").tolist(),
+            first.columns(*lines.CENTRE).tolist(),
+            first.columns(*lines.ATTITUDE).tolist(),
+            strict=True,
+        ):
+            x, y, z = position
+            qx, qy, qz, qw = attitude
+            clouds.append(Cloud(xyz[rows], stamp, (x, y, z), attitude=(qx, qy, qz, qw)))
         return Content(clouds, table.notes, stamps=stamps)
 
 
@@ -86,6 +94,10 @@ class _Table:
         if name not in self.names:
             return np.full(len(self.values), math.nan)
         return self.values[:, self.names.index(name)]
+
+    def at(self, rows: Int64) -> _Table:
+        """Return some rows (M,)."""
+        return replace(self, values=self.values[rows], labels=self.labels[rows])
 
     def columns(self, *names: str) -> Float64:
         """Return columns side by side, float64 (N, columns)."""

@@ -56,6 +56,7 @@ def test_a_skipped_column_may_hold_words(tmp_path: Path) -> None:
         ("x,y", "z missing"),
         ("", "found ''"),
         ("x,y,z,cx,cz", "cy missing"),
+        ("x,y,z,qx,qy,qz", "qw missing"),
     ],
 )
 def test_wrong_names_of_columns_are_refused_with_the_valid_ones(
@@ -63,7 +64,7 @@ def test_wrong_names_of_columns_are_refused_with_the_valid_ones(
 ) -> None:
     with pytest.raises(UsageError, match=words) as error:
         read(tmp_path, "1 2 3\n", columns)
-    assert "x, y, z, keyframe, t, cx, cy, cz" in str(error.value)
+    assert "x, y, z, keyframe, t, cx, cy, cz, qx, qy, qz, qw" in str(error.value)
 
 
 # Broken files

@@ -200,6 +200,29 @@ def test_the_first_row_says_when_and_where_a_keyframe_was_seen(tmp_path: Path) -
     assert TextCloud(tmp_path / "cloud.txt", "x,y,z,-,t").time_span() == (10.5, 99.0)
 
 
+@pytest.mark.parametrize("headed", [False, True])
+def test_the_first_row_says_how_the_craft_was_held(tmp_path: Path, headed: bool) -> None:
+    names = "qx,qy,qz,qw,x,y,z,keyframe"
+    rows = "1,2,3,4,0,0,0,7\n,,,,0,0,1,8\n9,9,9,9,0,0,2,7\n"
+    first, second = read(
+        tmp_path, f"{names}\n{rows}" if headed else rows, None if headed else names
+    )
+
+    assert first.attitude == (1, 2, 3, 4)
+    assert (first.axes, first.has_attitude) == ("unknown", True)
+    assert not second.has_attitude
+    assert first.points[:, 2].tolist() == [0, 2]
+
+
+def test_a_header_with_a_part_of_an_attitude_has_other_numbers_of_these_names(
+    tmp_path: Path,
+) -> None:
+    (cloud,) = read(tmp_path, "x,y,z,qw,qx\n1,2,3,4,5\n")
+
+    assert cloud.points.tolist() == [[1, 2, 3]]
+    assert not cloud.has_attitude
+
+
 def test_points_of_one_time_are_a_keyframe_where_no_column_tells(tmp_path: Path) -> None:
     content = "x,y,z,t\n1,0,0,7.5\n2,0,0,8\n\n3,0,0,7.5\n4,0,0,8\n"
     clouds = read(tmp_path, content)
