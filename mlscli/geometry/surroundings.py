@@ -19,6 +19,8 @@ _THICKNESS = 0.02
 # Least ratio of the variances along the shorter and the longer side: neighbours on a line, such as
 # one sweep of a laser, form no plane.
 _THINNEST = 0.03
+# How many points a sample looks at together, at most.
+_BLOCK = 32_768
 
 
 class PointSample:
@@ -34,30 +36,49 @@ class PointSample:
 
     def __init__(self, size: int = SAMPLE) -> None:
         self._size = size
-        self._points = np.empty((0, 3))
-        self._keys = np.empty(0, dtype=np.uint64)
+        # Copies of points that were not looked at; points of low hashes; the hashes of these.
         self._waiting: list[Float64] = []
-        self._unsettled = 0
+        self._low: list[Float64] = [np.empty((0, 3))]
+        self._keys: list[UInt64] = [np.empty(0, dtype=np.uint64)]
+        self._below = np.uint64(2**64 - 1)
 
     def add(self, points: Float64) -> None:
         """Add points, float64 (N, 3), without those that are not finite or beyond `FARTHEST`."""
-        self._waiting.append(points)
-        self._unsettled += len(points)
-        if self._unsettled > self._size:
-            self._settle()
+        for begin in range(0, len(points), _BLOCK):
+            some = points[begin : begin + _BLOCK]
+            if len(some) + sum(map(len, self._waiting)) < _BLOCK // 2:
+                self._waiting.append(some.copy())
+            else:
+                self._look(some)
 
     @property
     def points(self) -> Float64:
         """The sample, float64 (M, 3), sorted by hash: its first points are a smaller sample."""
+        self._look(np.empty((0, 3)))
         self._settle()
-        return self._points
+        return self._low[0]
+
+    def _look(self, points: Float64) -> None:
+        """Put points and those that wait to the others, if their hashes are low enough."""
+        points = np.concatenate([*self._waiting, points]) + 0.0
+        self._waiting = []
+        keys = hashed(points.T)
+        low = np.flatnonzero(keys <= self._below)
+        points, keys = points[low], keys[low]
+        near = (np.abs(points) <= FARTHEST).all(axis=1)
+        self._low.append(points[near])
+        self._keys.append(keys[near])
+        if sum(map(len, self._keys)) > 2 * self._size:
+            self._settle()
 
     def _settle(self) -> None:
-        points = np.concatenate([self._points, *self._waiting]) + 0.0
-        points = points[(np.abs(points) <= FARTHEST).all(axis=1)]
-        self._keys, first = np.unique(hashed(points.T), return_index=True)
-        self._keys, self._points = self._keys[: self._size], points[first[: self._size]]
-        self._waiting, self._unsettled = [], 0
+        """Keep the points of the lowest hashes."""
+        keys, first = np.unique(np.concatenate(self._keys), return_index=True)
+        self._keys = [keys[: self._size]]
+        self._low = [np.concatenate(self._low)[first[: self._size]]]
+        if len(keys) >= self._size:
+            # The sample is full: from now on, only points of a lower hash come into it.
+            self._below = keys[self._size - 1]
 
 
 class Planes(NamedTuple):

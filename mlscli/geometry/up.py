@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,17 @@ UP_AXES = {
     "x": ((2, 1, 0), (-1.0, 1.0, 1.0)),
     "-x": ((2, 1, 0), (1.0, 1.0, -1.0)),
 }
+
+
+def axes_matrix(name: str) -> Float64:
+    """Return the turn of `UP_AXES` as a matrix (3, 3); its last row is the axis that points up."""
+    axes, signs = UP_AXES[name]
+    return np.asarray(np.eye(3)[list(axes)] * np.array(signs)[:, np.newaxis])
+
+
+def axis_named(name: str) -> Float64:
+    """Return an axis of `UP_AXES` as a unit vector, float64 (3,)."""
+    return np.asarray(axes_matrix(name)[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +48,9 @@ class Up:
         The score of `runner_up` over that of `axis`: from 0 to 0.85.
     why : str
         What distinguished up from down.
+    middle : float64 (3,)
+        The point of the recording about which it turns: the middle of a cloud that lies far from
+        the origin, or else the origin.
     """
 
     axis: Float64
@@ -45,6 +59,7 @@ class Up:
     runner_up: Float64
     doubt: float
     why: str
+    middle: Float64 = field(default_factory=lambda: np.zeros(3))
 
     @property
     def support(self) -> float:
@@ -57,13 +72,18 @@ class Up:
         return rotation_to_z(self.axis)
 
     @property
+    def finding(self) -> str:
+        """The direction, and what speaks for it, as text."""
+        supported = (
+            f", supported by {self.support:.0%} of the points with flat surroundings "
+            f"({self.level:.0%} level, {self.plumb:.0%} upright)"
+        )
+        return f"up is {describe(self.axis)}{supported if self.support else ''}; {self.why}"
+
+    @property
     def summary(self) -> str:
         """The result as a message to the user."""
-        return (
-            f"`up` auto: up is {describe(self.axis)}, supported by {self.support:.0%} of the "
-            f"points with flat surroundings ({self.level:.0%} level, {self.plumb:.0%} upright); "
-            f"{self.why}"
-        )
+        return f"`up` auto: {self.finding}"
 
 
 def rotation_to_z(axis: Float64) -> Float64:

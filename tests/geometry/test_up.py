@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlscli.geometry.poses import turn
-from mlscli.geometry.up import UP_AXES, Up, describe, rotation_to_z
+from mlscli.geometry.up import UP_AXES, Up, axes_matrix, axis_named, describe, rotation_to_z
 from mlscli.runtime.arrays import Float64
 
 
@@ -30,6 +30,8 @@ def test_an_axis_found_turns_points_as_the_axis_told(name: str) -> None:
     np.testing.assert_array_equal(
         turn(rotation_to_z(axis_of(name)), points), points[:, axes] * signs
     )
+    np.testing.assert_array_equal(axis_named(name), axis_of(name))
+    np.testing.assert_array_equal(axes_matrix(name), rotation_to_z(axis_of(name)))
 
 
 def test_the_turn_to_z_is_the_smallest() -> None:
@@ -59,3 +61,6 @@ def test_what_was_found_is_told_in_a_sentence() -> None:
     for words in ("`up` auto", "up is y", "75%", "25% level", "50% upright", "the craft flew"):
         assert words in up.summary
     assert "\n" not in up.summary
+    # Where points say nothing, they are not mentioned.
+    lone = Up(axis_of("y"), 0.0, 0.0, axis_of("x"), 0.0, "the cameras were held upright")
+    assert lone.summary == "`up` auto: up is y; the cameras were held upright"

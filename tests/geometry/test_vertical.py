@@ -1,8 +1,10 @@
 """The vertical of a cloud.
 
 How these tests could be cheated: by a preference for z, by clouds in the order of their heights,
-by scenes without walls, or by real recordings whose axes are told by their names. So scenes are
-turned at random and the attitudes of real cameras, which are not told, say what is vertical.
+by scenes without walls, or by real recordings whose axes are told by their names; by attitudes
+that say what the points say, too. So scenes are turned at random, the attitudes of real cameras,
+which are not told, say what is vertical, and there are scenes of which points alone tell nothing,
+or the contrary.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from mlscli.errors import InputError
 from mlscli.geometry.surroundings import PointSample
 from mlscli.geometry.up import Up
 from mlscli.geometry.vertical import find_up
+from mlscli.keyframes.keyframe import Axes
 from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.presets import make
@@ -28,10 +31,15 @@ from mlscli.scenes.presets import make
 Z = np.array([0.0, 0.0, 1.0])
 
 
-def found(points: Float64, route: Float64 | None = None, attitudes: Float64 | None = None) -> Up:
+def found(
+    points: Float64,
+    route: Float64 | None = None,
+    attitudes: Float64 | None = None,
+    axes: Axes = "unknown",
+) -> Up:
     sample = PointSample()
     sample.add(points)
-    return find_up(sample.points, route, attitudes)
+    return find_up(sample.points, route, attitudes, axes)
 
 
 def degrees_between(a: Float64, b: Float64) -> float:
@@ -117,16 +125,21 @@ def test_neither_the_order_of_the_points_nor_their_repetition_changes_a_bit() ->
     assert once.summary == again.summary
 
 
-def test_the_craft_is_above_the_floor_also_where_there_are_more_points_on_the_ceiling() -> None:
+@pytest.mark.parametrize(("below", "above"), [(600, 4000), (4000, 600)])
+def test_a_ceiling_is_not_a_floor_because_it_was_seen_better(below: int, above: int) -> None:
     rng = np.random.default_rng(2)
-    hall = np.concatenate((level(rng, 8, 0, 2000), level(rng, 8, 3, 1000)))
-    turn = Rotation.from_euler("x", 70, degrees=True)
+    hall = np.concatenate((level(rng, 8, 0, below), level(rng, 8, 3, above)))
     route = np.column_stack((np.linspace(-3, 3, 20), np.zeros(20), np.full(20, 1.5)))
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (20, 1))
 
-    for upright in (1, -1):
-        points, flown = hall * (1, 1, upright), route * (1, 1, upright)
-        expected = turn.apply(Z * upright)
-        assert degrees_between(found(turn.apply(points), turn.apply(flown)).axis, expected) < 1
+    for up in (found(hall, route), found(hall, route, still)):
+        assert degrees_between(up.axis, Z) < 1
+    # Upside down, or at any angle, the attitudes of the craft tell.
+    for turn in (Rotation.from_euler("x", angle, degrees=True) for angle in (180, 70)):
+        body = (turn * Rotation.from_quat(still)).as_quat()
+        up = found(turn.apply(hall), turn.apply(route), body, "body")
+        assert degrees_between(up.axis, turn.apply(Z)) < 1
+        assert "the craft kept upright" in up.summary
 
 
 def test_walls_larger_than_the_floor_do_not_lie_down() -> None:
@@ -160,6 +173,95 @@ def test_attitudes_tell_the_vertical_of_a_scene_that_is_all_facade() -> None:
 
     assert degrees_between(found(points, route).axis, -np.eye(3)[1]) < 1
     assert degrees_between(found(points, route, attitudes).axis, Z) < 1
+
+
+# A camera that looks along x, in a world with z up: x right, y down, z ahead.
+CAMERA = Rotation.from_matrix([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+@pytest.mark.parametrize("yaws", [np.zeros(3), np.full(12, 20.0), np.linspace(-40, 40, 9)])
+def test_a_facade_is_no_ground_against_cameras_that_were_held_upright(yaws: Float64) -> None:
+    rng = np.random.default_rng(13)
+    facade = level(rng, 10, 0, 4000)[:, [2, 0, 1]] + rng.normal(0, 0.02, (4000, 3))
+    turn = Rotation.random(random_state=14)
+    heading = Rotation.from_euler("ZY", np.column_stack((yaws, np.full(len(yaws), -10.0))), True)
+    attitudes = (turn * heading * CAMERA).as_quat()
+    route = np.column_stack((np.full(len(yaws), -8.0), np.linspace(-4, 4, len(yaws)), yaws * 0))
+
+    up = found(turn.apply(facade), turn.apply(route), attitudes, "camera")
+
+    assert degrees_between(up.axis, turn.apply(Z)) < 5
+    assert "the cameras were held upright" in up.summary
+    # Without them, it is.
+    assert degrees_between(found(turn.apply(facade)).axis, turn.apply(Z)) > 80
+
+
+def test_a_tower_that_is_all_wall_has_the_sign_of_its_cameras() -> None:
+    rng = np.random.default_rng(15)
+    around = rng.uniform(0, 2 * np.pi, 3000)
+    tower = np.column_stack((2 * np.cos(around), 2 * np.sin(around), rng.uniform(1, 10, 3000)))
+    yaws = np.linspace(0, 330, 12)
+    places = Rotation.from_euler("z", yaws[:, None], degrees=True).apply([-12.0, 0, 0])
+    attitudes = Rotation.from_euler("z", yaws[:, None], degrees=True) * CAMERA
+
+    for turn in (Rotation.from_euler("x", angle, degrees=True) for angle in (0, -90)):
+        points, route = turn.apply(tower + rng.normal(0, 0.01, (3000, 3))), turn.apply(places)
+        up = found(points, route, (turn * attitudes).as_quat(), "camera")
+        assert degrees_between(up.axis, turn.apply(Z)) < 2
+        # No share of what is level, of which there is nothing.
+        assert "of what is level" not in up.summary
+
+
+def test_cameras_tell_the_vertical_of_the_fewest_points() -> None:
+    turn = Rotation.random(random_state=16)
+    attitudes = turn * Rotation.from_euler("z", np.linspace(0, 90, 8)[:, None], True) * CAMERA
+    points = np.random.default_rng(17).normal(size=(5, 3))
+
+    up = found(points, np.zeros((8, 3)), attitudes.as_quat(), "camera")
+
+    assert degrees_between(up.axis, turn.apply(Z)) < 3
+    assert "points with flat surroundings" not in up.summary
+    with pytest.raises(InputError, match="found 0 points"):
+        found(points, np.zeros((8, 3)))
+
+
+def test_a_scanner_that_turns_where_it_stands_is_no_craft_that_turns() -> None:
+    rng = np.random.default_rng(18)
+    hall = np.concatenate((level(rng, 8, 0, 3000), level(rng, 8, 0, 900)[:, [0, 2, 1]]))
+    swept = Rotation.from_euler("y", np.linspace(-80, 80, 40)[:, None], degrees=True).as_quat()
+    nodding = rng.normal((0, 0, 0.5), 0.005, (40, 3))
+
+    assert degrees_between(found(hall, nodding, swept).axis, Z) < 1
+
+
+@pytest.mark.parametrize("slope", [0.003, 0.2])
+def test_the_coordinates_of_a_map_projection_have_z_up_exactly(slope: float) -> None:
+    rng = np.random.default_rng(20)
+    ground = level(rng, 100, 0, 5000)
+    ground[:, 2] = slope * ground[:, 0] + rng.normal(0, 0.05, 5000)
+    facade = level(rng, 20, 0, 5000)[:, [2, 0, 1]]
+
+    for points in (ground, facade):
+        up = found(np.add(points, (513_000.0, 5_403_000.0, 300.0)))
+        assert up.axis.tolist() == [0, 0, 1]
+        assert not up.middle.any()
+        assert "map projection" in up.summary
+
+
+def test_a_cloud_far_from_the_origin_turns_about_its_middle() -> None:
+    rng = np.random.default_rng(21)
+    turn = Rotation.from_euler("x", 100, degrees=True)
+    ground = turn.apply(np.concatenate((level(rng, 20, 0, 4000), level(rng, 3, 1, 400))))
+    away = np.array([3000.0, -20.0, 7000.0])
+
+    assert not found(ground).middle.any()
+    assert not found(np.add(ground, 8)).middle.any()
+    up = found(ground + away)
+    assert np.abs(up.middle - away).max() < 3
+    assert (up.middle == np.round(up.middle)).all()
+    # Neither the order of the points nor how often they come moves it.
+    again = found(np.concatenate((ground[::-1], ground[:500])) + away)
+    assert again.middle.tolist() == up.middle.tolist()
 
 
 def test_an_axis_of_the_recording_is_found_as_that_axis() -> None:

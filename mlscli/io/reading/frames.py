@@ -16,6 +16,7 @@ from mlscli.errors import InputError, UsageError
 from mlscli.geometry.poses import Poses, PoseTrack, unit
 from mlscli.geometry.transforms import TransformTree, bare
 from mlscli.io.source import Source
+from mlscli.keyframes.keyframe import Axes
 
 WORLD_FRAMES = (
     *("map", "odom", "odom_combined", "world", "earth", "global", "origin", "local_origin"),
@@ -25,6 +26,9 @@ WORLD_FRAMES = (
 
 BODY_FRAMES = ("base_link", "base_footprint", "base", "body", "base_stabilized", "imu_link")
 """Usual names of the craft's own frame, the likeliest first."""
+
+LEVEL_FRAMES = ("base_link", "base_footprint", "base", "base_stabilized")
+"""Names of frames whose z points up on a craft that is level, by REP 103 and REP 105 of ROS."""
 
 
 def listed(numbers: Sequence[float] | None) -> str | None:
@@ -191,6 +195,19 @@ def body_of(tree: TransformTree) -> str | None:
         return None
     leaves = [frame for frame in frames if frame not in above]
     return leaves[0] if len(leaves) == 1 else None
+
+
+def is_body(frame: str) -> bool:
+    """Return whether a frame has a usual name of the craft's own, in any namespace."""
+    return bare(frame).rpartition("/")[2] in BODY_FRAMES
+
+
+def axes_of(frame: str) -> Axes:
+    """Return whose axes those of a frame are, by its name: REP 103 of ROS."""
+    name = bare(frame).rpartition("/")[2]
+    if "optical" in name:
+        return "camera"
+    return "body" if name in LEVEL_FRAMES else "unknown"
 
 
 def map_frame(

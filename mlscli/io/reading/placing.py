@@ -8,7 +8,7 @@ topic. The positions of the craft become the route.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,9 @@ from mlscli.io.clouds.trajectory import Trajectory
 from mlscli.io.reading.frames import (
     Mounting,
     Track,
+    axes_of,
     body_of,
+    is_body,
     is_world,
     map_frame,
     mount,
@@ -29,6 +31,7 @@ from mlscli.io.reading.frames import (
     read_tree,
 )
 from mlscli.io.source import Cloud, Source
+from mlscli.keyframes.keyframe import Axes
 from mlscli.runtime.arrays import Float64
 
 
@@ -53,6 +56,8 @@ class Asked:
     mounting: Mounting | None = None
     trajectory: Trajectory | None = None
 
+
+_NONE = np.empty((0, 3))
 
 Way = Callable[[float], Pose | None]
 """Returns T_map_cloud at a stamp (s); returns None or raises `InputError` where not known."""
@@ -118,7 +123,7 @@ class Placing:
         if frame not in self._ways:
             self._ways[frame] = self._way(source, frame)
         way = self._ways[frame]
-        points, position, attitude = cloud.points, cloud.position, cloud.attitude
+        placed = replace(cloud, frame_id=self.frame_id)
         if way is not None:
             try:
                 pose = way(cloud.stamp)
@@ -127,31 +132,50 @@ class Placing:
                 pose = None
             if pose is None:
                 return None
-            points = apply(pose, points)
-            position, attitude = _components(pose)
-        known = position if cloud.has_position else self.position(cloud.stamp)
-        return Cloud(points, cloud.stamp, known or position, self.frame_id, attitude)
+            placed = replace(placed, points=apply(pose, cloud.points), position=_place(pose))
+            if axes_of(frame) == "camera":
+                placed = replace(placed, attitude=_attitude(pose), axes="camera")
+        craft = self.craft(cloud.stamp)
+        if craft.has_position and not cloud.has_position:
+            placed = replace(placed, position=craft.position)
+        if craft.has_attitude and not placed.has_attitude:
+            placed = replace(placed, attitude=craft.attitude, axes=craft.axes)
+        return placed
 
     def moves_with_craft(self, frame_id: str) -> bool:
         """Return whether a frame is that of a sensor, which is itself at (0, 0, 0)."""
         frame = bare(frame_id)
         return (bool(frame) and not is_world(frame)) or self._ways.get(frame) is not None
 
-    def position(self, stamp: float) -> tuple[float, float, float] | None:
-        """Return the position of the craft, x, y, z in the map frame; None where not known.
+    def craft(self, stamp: float) -> Cloud:
+        """Return where the craft was and how it was held, in the map frame, as far as known.
 
-        It is that of the trajectory; without one, of the pose topic; or else of the transforms.
+        It is a cloud without points. Its position is that of the trajectory; without one, that of
+        the pose of the craft. It has an attitude only where that may be the craft's own.
         """
-        times = np.array([stamp])
+        found, pose = Cloud(_NONE, stamp, frame_id=self.frame_id), self._craft(stamp)
         if self._asked.trajectory is not None:
-            return _known(self._asked.trajectory.at(times))
-        body = self._body
+            (position,) = self._asked.trajectory.at(np.array([stamp]))
+            x, y, z = position.tolist()
+            found = replace(found, position=(x, y, z))
+        elif pose is not None:
+            found = replace(found, position=_place(pose))
+        if pose is not None and self._craft_axes is not None:
+            found = replace(found, attitude=_attitude(pose), axes=self._craft_axes)
+        return found
+
+    def _craft(self, stamp: float) -> Pose | None:
+        """Return the pose of the craft in the map frame; None where not known.
+
+        It is that of the pose topic; or else of the transforms.
+        """
+        times, body = np.array([stamp]), self._body
         try:
             if self._track is not None:
-                return _known(self._in_map(self._track, times).translation)
+                return _single(self._in_map(self._track, times))
             if body is None or body == self.frame_id:
                 return None
-            return _known(self._tree.lookup(self.frame_id, body, times).translation)
+            return _single(self._tree.lookup(self.frame_id, body, times))
         except InputError:
             # The frames are connected at other times only.
             return None
@@ -159,6 +183,16 @@ class Placing:
     @cached_property
     def _body(self) -> str | None:
         return body_of(self._tree)
+
+    @cached_property
+    def _craft_axes(self) -> Axes | None:
+        """Whose axes the poses of the craft are of; None where they may be those of a scanner.
+
+        A frame below all others that has no usual name may be that of a scanner that turns.
+        """
+        if self._track is not None:
+            return axes_of(self._track.child)
+        return axes_of(self._body) if self._body and is_body(self._body) else None
 
     # --- ways into the map frame ---
 
@@ -229,14 +263,11 @@ def _single(poses: Poses) -> Pose | None:
     return poses.pose(0) if poses.known[0] else None
 
 
-def _components(pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """Return the position and the attitude of a pose."""
+def _place(pose: Pose) -> tuple[float, float, float]:
     x, y, z = pose.translation.tolist()
-    qx, qy, qz, qw = pose.rotation.tolist()
-    return (x, y, z), (qx, qy, qz, qw)
+    return x, y, z
 
 
-def _known(positions: Float64) -> tuple[float, float, float] | None:
-    """Return a position (1, 3); None where it is not known."""
-    x, y, z = positions[0].tolist()
-    return (x, y, z) if np.isfinite(positions).all() else None
+def _attitude(pose: Pose) -> tuple[float, float, float, float]:
+    x, y, z, w = pose.rotation.tolist()
+    return x, y, z, w

@@ -27,9 +27,10 @@ from mlscli.io.reading.selection import Selection
 from mlscli.io.reading.sieve import Sieve
 from mlscli.io.reading.tally import REPEATED, UNPLACED, Tally
 from mlscli.io.reading.upright import Upright
+from mlscli.io.reading.witness import DOUBTING, FINDING, Witness
 from mlscli.io.source import Clock, Cloud, Reading, Source
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Keyframe
-from mlscli.runtime.arrays import Array
+from mlscli.runtime.arrays import Array, Float64
 
 if TYPE_CHECKING:
     from mlscli.geometry.up import Up
@@ -73,6 +74,8 @@ class Recording:
     # What the last pass has found.
     _messages: int = 0
     _is_republished: bool = False
+    _witness: Witness | None = None
+    _objection: str | None = None
 
     @property
     def frame_id(self) -> str:
@@ -83,6 +86,11 @@ class Recording:
     def up(self) -> str:
         """Which direction of the recording points up: an axis, or the direction that was found."""
         return self._upright.up
+
+    @property
+    def map_from_recording(self) -> Float64:
+        """The turn after which z points up, float64 (4, 4), for homogeneous coordinates."""
+        return self._upright.matrix
 
     @property
     def sources(self) -> list[str]:
@@ -106,7 +114,9 @@ class Recording:
             )
         if self._is_timeless:
             notes.append(_TIMELESS)
-        return notes
+        if self._objection is None and self._witness is not None:
+            self._objection = self._witness.objection(self._upright, self._trajectory)
+        return [*notes, self._objection] if self._objection else notes
 
     def _repeats(self) -> Iterator[str]:
         """Yield what the last pass has found out about a map that is published again and again."""
@@ -168,12 +178,14 @@ class Recording:
         """
         known = self._is_republished = False
         watched = None if self._latest else Republished()
-        for cloud in self._clouds(watched):
+        witness = Witness(DOUBTING) if self._objection is None else None
+        for cloud in self._clouds(witness, watched):
             known |= cloud.has_position
             yield Keyframe(cloud.points, cloud.stamp, cloud.position)
         self._is_republished = watched is not None and watched.is_noticed()
         if self._trajectory is not None and not known:
             yield from self._loose_route(self._trajectory)
+        self._witness = witness
 
     def _loose_route(self, trajectory: Trajectory) -> Iterator[Keyframe]:
         """Yield the poses of a trajectory as keyframes without points."""
@@ -181,17 +193,20 @@ class Recording:
             x, y, z = position
             yield Keyframe(_NONE, stamp, self._upright.position((x, y, z)))
 
-    def _clouds(self, watched: Republished | None = None) -> Iterator[Cloud]:
+    def _clouds(
+        self, witness: Witness | None, watched: Republished | None = None
+    ) -> Iterator[Cloud]:
         """Read the clouds of the keyframes in the map frame, turned upright; not the attitudes.
 
-        Messages that are taken as they are recorded are shown to `watched`.
+        Messages that are taken as they are recorded are shown to `watched`, and what tells the
+        vertical to `witness`.
         """
         self.tally = tally = Tally()
         sieve = Sieve(tally, self._selection.crop, cumulative=self._cumulative)
         if self._latest:
             last, times = last_message(self._sources, self._selection, tally)
             clouds, self._messages = iter(last), len(times)
-            yield from self._positions(times)
+            yield from self._route(times, witness)
         else:
             clouds = selected(self._sources, self._selection, tally)
         for source, cloud in clouds:
@@ -208,11 +223,13 @@ class Recording:
             if watched is not None and cloud.message >= 0 and placed.points is cloud.points:
                 watched.add(cloud.points, (source.label, cloud.message))
             points = sieve.measured(self._upright.points(placed.points), cloud.points)
+            if witness is not None:
+                witness.add(placed, points)
             position = UNKNOWN_POSITION
             # A map that is published as a whole was seen from all along the route.
             if placed.has_position and (moves or not self._latest):
                 position = self._upright.position(placed.position)
-            yield Cloud(points, placed.stamp, position, placed.frame_id, placed.attitude)
+            yield Cloud(points, placed.stamp, position, placed.frame_id)
         if tally.points_read == sum(tally.dropped.values()) and not self._is_part:
             raise InputError(self._emptiness())
 
@@ -221,12 +238,13 @@ class Recording:
         """Whether the last pass has left clouds unread, as the glance was over."""
         return self._glance is not None and self._glance.cut
 
-    def _positions(self, times: Sequence[float]) -> Iterator[Cloud]:
+    def _route(self, times: Sequence[float], witness: Witness | None) -> Iterator[Cloud]:
         """Yield where the craft was at these times, as far as known, as clouds without points."""
-        for stamp in times:
-            position = self._placing.position(stamp)
-            if position is not None:
-                yield Cloud(_NONE, stamp, self._upright.position(position), self.frame_id)
+        for craft in map(self._placing.craft, times):
+            if witness is not None:
+                witness.add(craft, _NONE)
+            if craft.has_position:
+                yield replace(craft, position=self._upright.position(craft.position))
 
     @property
     def _is_timeless(self) -> bool:
@@ -393,8 +411,8 @@ def open_recording(
         _glance=glance,
     )  # fmt: skip
     if up == AUTO:
-        found = _find_up(recording, trajectory)
-        recording._upright = Upright.found(found)
+        found = _find_up(recording)
+        recording._upright, recording._objection = Upright.found(found), ""
         notes.append(found.summary)
     return recording
 
@@ -407,19 +425,13 @@ def _opened(source: str | os.PathLike[str] | Array, reading: Reading) -> Source:
     return open_source(Path(source), reading)
 
 
-def _find_up(recording: Recording, trajectory: Trajectory | None) -> Up:
-    """Find the vertical of a recording, in an extra pass."""
-    from mlscli.geometry.surroundings import PointSample
-    from mlscli.geometry.vertical import find_up
-
-    sample, positions, turns = PointSample(), [], []
-    for cloud in recording._clouds():
-        sample.add(cloud.points)
-        positions.append(cloud.position)
-        turns.append(cloud.attitude)
-    if trajectory is not None:
-        return find_up(sample.points, trajectory.positions, trajectory.attitudes)
-    return find_up(sample.points, np.array(positions), np.array(turns))
+def _find_up(recording: Recording) -> Up:
+    """Find the vertical of a recording, in an extra pass; what to crop is not known yet."""
+    selection = replace(recording._selection, crop=None)
+    whole, witness = replace(recording, _selection=selection, _cumulative=False), Witness(FINDING)
+    for _ in whole._clouds(witness):
+        pass
+    return witness.find_up(recording._trajectory)
 
 
 def _check_latest(sources: Sequence[Source], *, cumulative: bool) -> None:

@@ -8,35 +8,51 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlscli.geometry.poses import turn
-from mlscli.geometry.up import UP_AXES, Up, describe
+from mlscli.geometry.up import UP_AXES, Up, axes_matrix, axis_named, describe, nearest_axis
 from mlscli.runtime.arrays import Float64
 
 
 @dataclass(frozen=True, eq=False)
 class Upright:
-    """The rotation of points and positions after which z points up.
+    """The turn of points and positions after which z points up.
 
     Attributes
     ----------
     up : str
         Which direction of the recording points up: an axis, or the direction that was found.
+    matrix : float64 (4, 4)
+        The turn, for homogeneous coordinates: T_map_recording.
     """
 
     up: str
+    matrix: Float64
     _turn: Callable[[Float64], Float64]
 
     @classmethod
     def along(cls, up: str) -> Upright:
         """Return the rotation after which an axis of `UP_AXES` points up."""
+        matrix = _with_shift(axes_matrix(up), np.zeros(3))
         if up == "z":
-            return cls(up, lambda points: points)
+            return cls(up, matrix, lambda points: points)
         axes, signs = UP_AXES[up]
-        return cls(up, lambda points: np.take(points, axes, axis=1) * signs)
+        return cls(up, matrix, lambda points: np.take(points, axes, axis=1) * signs)
 
     @classmethod
     def found(cls, up: Up) -> Upright:
-        """Return the rotation after which the direction that was found points up."""
-        return cls(describe(up.axis), lambda points: turn(up.matrix, points))
+        """Return the turn after which the direction that was found points up.
+
+        It is about `Up.middle`, which goes where it would go if the nearest axis were up.
+        """
+        name, middle = describe(up.axis), up.middle
+        if name in UP_AXES and np.array_equal(up.axis, axis_named(name)):
+            return cls.along(name)
+        if not middle.any():
+            matrix = _with_shift(up.matrix, np.zeros(3))
+            return cls(name, matrix, lambda points: turn(up.matrix, points))
+        nearest, _ = nearest_axis(up.axis)
+        target = axes_matrix(nearest) @ middle
+        matrix = _with_shift(up.matrix, target - up.matrix @ middle)
+        return cls(name, matrix, lambda points: turn(up.matrix, points - middle) + target)
 
     def points(self, points: Float64) -> Float64:
         """Return points (N, 3) turned, without negative zeros; `points` may be overwritten."""
@@ -48,3 +64,13 @@ class Upright:
         """Turn a position like the points."""
         x, y, z = self.points(np.array([position])).ravel().tolist()
         return x, y, z
+
+    def recorded(self, points: Float64) -> Float64:
+        """Return turned points (N, 3) as they were recorded."""
+        return turn(self.matrix[:3, :3].T, points - self.matrix[:3, 3])
+
+
+def _with_shift(rotation: Float64, shift: Float64) -> Float64:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, shift
+    return matrix

@@ -1,0 +1,79 @@
+"""What a pass over a recording shows of its vertical: some points, and how the craft was held."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mlscli.io.clouds.trajectory import Trajectory
+from mlscli.io.reading.upright import Upright
+from mlscli.io.source import Cloud
+from mlscli.keyframes.keyframe import Axes
+from mlscli.runtime.arrays import Float64
+
+if TYPE_CHECKING:
+    from mlscli.geometry.up import Up
+
+# The points that are kept to find the vertical, and to doubt the one that the user named.
+FINDING, DOUBTING = 30_000, 10_000
+
+
+class Witness:
+    """Gathers what tells the vertical of a recording; makes nothing of it until it is asked.
+
+    Parameters
+    ----------
+    size : int
+        The most points that are kept.
+    """
+
+    def __init__(self, size: int) -> None:
+        from mlscli.geometry.surroundings import PointSample
+
+        self._sample = PointSample(size)
+        self._positions: list[tuple[float, float, float]] = []
+        self._attitudes: dict[Axes, list[tuple[float, float, float, float]]] = {}
+
+    def add(self, placed: Cloud, points: Float64) -> None:
+        """Add a cloud in the map frame, and those of its points (N, 3) that are kept, turned."""
+        self._sample.add(points)
+        self._positions.append(placed.position)
+        if placed.has_attitude:
+            self._attitudes.setdefault(placed.axes, []).append(placed.attitude)
+
+    def find_up(self, trajectory: Trajectory | None) -> Up:
+        """Return the vertical of a recording whose points are not turned.
+
+        Parameters
+        ----------
+        trajectory : Trajectory or None
+            Its positions are taken instead of those of the clouds, and its attitudes where theirs
+            are not known, or not whose axes they are of.
+
+        Raises
+        ------
+        InputError
+            As `mlscli.geometry.vertical.find_up`.
+        """
+        from mlscli.geometry.vertical import find_up
+
+        return find_up(self._sample.points, **self._of_craft(trajectory))
+
+    def objection(self, upright: Upright, trajectory: Trajectory | None) -> str:
+        """Return what speaks against the axis by which the points are turned; empty: nothing."""
+        from mlscli.geometry.objection import objection
+
+        points = upright.recorded(self._sample.points) + 0.0
+        return objection(upright.up, points, **self._of_craft(trajectory))
+
+    def _of_craft(self, trajectory: Trajectory | None) -> dict[str, Any]:
+        """Return where the craft was, its attitudes, and whose axes these are of."""
+        route = np.array(self._positions).reshape(-1, 3)
+        axes: Axes = next((a for a in ("camera", "body") if a in self._attitudes), "unknown")
+        attitudes = np.array(self._attitudes.get(axes, [])).reshape(-1, 4)
+        if trajectory is not None:
+            route = trajectory.positions
+            if axes == "unknown" and trajectory.attitudes is not None:
+                attitudes = trajectory.attitudes
+        return {"route": route, "attitudes": attitudes, "axes": axes}
