@@ -217,7 +217,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "replace": (SURFACE.replace, {"cells": CellSet.of(SURFACE.ix, SURFACE.iy), "other": SURFACE}),
 }
 # Whatever counts as true is taken as True; the mode is a value of a configuration, see below.
-OTHERS = {"artificial", "cumulative", "latest", "overwrite", "whole", "mode"}
+OTHERS = {"artificial", "as_recorded", "cumulative", "latest", "overwrite", "whole", "mode"}
 
 
 def arguments(call: Callable[..., object]) -> list[str]:

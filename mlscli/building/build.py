@@ -105,6 +105,7 @@ def build(
         recording.frame_id,
         sources=recording.sources,
         reading=recording.options,
+        turn=recording.map_from_recording,
         progress=progress,
         follow=follow,
         jobs=jobs,

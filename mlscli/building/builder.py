@@ -21,6 +21,7 @@ from mlscli.keyframes.batches import Points, gather
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change, points_in
+from mlscli.maps.recorded import TURN
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
 from mlscli.pipeline.parameters import Parameters, to_dict
@@ -51,6 +52,8 @@ class MapBuilder:
         The sources, for the map's meta.
     reading : mapping, optional
         The options with which they were read, for the map's meta.
+    turn : float64 (4, 4), optional
+        The turn by which points as recorded came into the map frame, for the map's meta.
     progress : callable, optional
         As for `build`.
     follow : callable, optional
@@ -89,6 +92,7 @@ class MapBuilder:
         *,
         sources: Sequence[str] = (),
         reading: Mapping[str, Any] | None = None,
+        turn: Float64 | None = None,
         progress: Progress | None = None,
         follow: Follower | None = None,
         jobs: int | None = None,
@@ -98,6 +102,7 @@ class MapBuilder:
         expect(frame_id, str, "frame_id", "a text")
         expect_items(sources, "sources", "a list of texts")
         expect(reading, (Mapping, NoneType), "reading", "a mapping of options")
+        expect(turn, (np.ndarray, NoneType), "turn", "an array (4, 4)")
         expect(progress, (Callable, NoneType), "progress", "a function")
         expect(follow, (Callable, NoneType), "follow", "a function")
         followed = "" if follow is None else "`follow`"
@@ -107,6 +112,7 @@ class MapBuilder:
         self.report = Report()
         self._sources = list(sources)
         self._reading = dict(reading or {})
+        self._turn = np.eye(4) if turn is None else turn
         self._progress = progress
         self._follow = follow
         self._workers: Workers | None = cluster or (None if jobs is None else Threads(jobs))
@@ -241,8 +247,8 @@ class MapBuilder:
     def _described(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with its route and meta."""
         meta = map_meta(
-            self.parameters, self.report, self._sources, self._reading, self._gatherer.keyframes,
-            points_in(surface),
+            self.parameters, self.report, self._sources, self._reading, self._turn,
+            self._gatherer.keyframes, points_in(surface),
         )  # fmt: skip
         return replace(surface, route=self._gatherer.route, meta=meta)
 
@@ -266,6 +272,7 @@ def map_meta(
     report: Report,
     sources: Sequence[str],
     reading: Mapping[str, Any],
+    turn: Float64,
     keyframes: int,
     kept: int,
 ) -> dict[str, Any]:
@@ -279,6 +286,8 @@ def map_meta(
     sources : sequence of str
     reading : mapping
         The options with which the sources were read.
+    turn : float64 (4, 4)
+        The turn from the frame of the recording to that of the map.
     keyframes : int
         Rows of the route.
     kept : int
@@ -288,6 +297,7 @@ def map_meta(
         "program": f"mls {__version__}",
         "sources": list(sources),
         "reading": dict(reading),
+        TURN: turn.tolist(),
         "parameters": to_dict(parameters),
         "sizes": dict(report.sizes),
         "points": {

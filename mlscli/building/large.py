@@ -215,7 +215,7 @@ class _LargeMapBuilder:
                 kept += points_in(band)
         meta = map_meta(
             self._parameters, self.report, self._recording.sources, self._recording.options,
-            self._gatherer.keyframes, kept,
+            self._recording.map_from_recording, self._gatherer.keyframes, kept,
         )  # fmt: skip
         return replace(surface, route=self._gatherer.route, meta=meta)
 

@@ -46,6 +46,11 @@ FORMATS: tuple[Format, ...] = get_args(Format)
     metavar="CELLS",
     help="Join neighbouring patches up to this height difference, in cells.  [default: 1.5]",
 )
+@click.option(
+    "--as-recorded",
+    is_flag=True,
+    help="Turn the mesh back into the frame of the recording: undo --up.",
+)
 @coloured
 @without_artificial
 @overwrite
@@ -56,6 +61,7 @@ def command(
     style: Literal["surface", "patches"],
     output: str | None,
     max_slope: float | None,
+    as_recorded: bool,
     colour: ColourBy,
     no_artificial: bool,
     overwrite: bool,
@@ -79,7 +85,8 @@ def command(
     from mlscli.io.writing.npz import read_map
 
     if kind == "mcap":
-        if style != "surface" or max_slope is not None or no_artificial or colour != "height":
+        drawn = style != "surface" or max_slope is not None or no_artificial or as_recorded
+        if drawn or colour != "height":
             raise UsageError("--format mcap: holds all of the map; leave out how it is to be drawn")
         surface = read_map(map_file)
         _replay(target, surface, overwrite=overwrite)
@@ -96,6 +103,7 @@ def command(
         max_slope=MAX_SLOPE if max_slope is None else max_slope,
         artificial=not no_artificial,
         colour=colour,
+        as_recorded=as_recorded,
     )
     write = {"ply": write_ply, "obj": write_obj, "glb": write_glb}[kind]
     write(target, mesh, overwrite=overwrite)

@@ -49,7 +49,8 @@ def command(paths: tuple[str, ...], columns: str | None, up: str, as_json: bool)
             status = max(status, error.exit_status)
     if columns is not None and results and not any(r["kind"] == TEXT for r in results):
         raise UsageError(f"--columns {columns}: none of the files is a text cloud")
-    if up != "z" and results and not any("up" in r for r in results):
+    clouds = [r for r in results if "up" in r and r["kind"] != "map"]
+    if up != "z" and results and not clouds:
         raise UsageError(f"--up {up}: none of the files is a cloud or a reconstruction")
     if as_json:
         click.echo(json.dumps(results, indent=2))
@@ -68,9 +69,17 @@ def _describe(path: str, columns: str | None, up: str) -> dict[str, Any]:
 
 
 def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
+    from mlscli.errors import InputError
+    from mlscli.geometry import up
+    from mlscli.maps.recorded import turn_of
     from mlscli.maps.summary import describe
 
-    return {"file": path, "kind": "map", **describe(surface), "meta": surface.meta}
+    try:
+        upwards = up.describe(turn_of(surface.meta)[2, :3])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    result = {"file": path, "kind": "map", **describe(surface), "up": upwards}
+    return result | {"meta": surface.meta}
 
 
 def _of_recording(path: str, columns: str | None, up: str) -> dict[str, Any]:
@@ -172,6 +181,7 @@ def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     return [
         *report.map_rows(result, meta.get("sizes")),
         ("keyframes", f"{result['keyframes']:,} in {report.some(meta.get('batches', 0), 'batch')}"),
+        ("turned", "" if result["up"] == "z" else f"what was {result['up']} is up"),
         ("points", report.counts({n: c for n, c in points.items() if isinstance(c, int)})),
         ("sources", ", ".join(meta.get("sources", []))),
         ("read with", _settings(meta.get("reading", {}))),

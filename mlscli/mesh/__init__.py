@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
 from mlscli.errors import InputError, UsageError, expect
+from mlscli.maps import recorded
 from mlscli.maps.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
 from mlscli.mesh.colours import COLOURS, ROUTE_GREEN, ColourBy, Paint, origin_at
 from mlscli.mesh.ground import route_on_ground
@@ -54,7 +55,7 @@ class Mesh:
     Attributes
     ----------
     vertices : float64 (V, 3)
-        Coordinates in the map frame, in the unit of the recording.
+        Coordinates in the map frame, or in that of the recording, in the unit of the recording.
     colours : uint8 (V, 3)
         Red, green, blue.
     origin : uint8 (V,)
@@ -112,6 +113,7 @@ def build_mesh(
     max_slope: float = MAX_SLOPE,
     artificial: bool = True,
     colour: ColourBy = "height",
+    as_recorded: bool = False,
 ) -> Mesh:
     """Make a mesh of a map.
 
@@ -129,6 +131,8 @@ def build_mesh(
     colour : str
         What the colours stand for, one of `COLOURS`. With ``height``, plastered patches are
         lighter; with all but ``region``, artificial ones are red.
+    as_recorded : bool
+        Whether the mesh is turned back into the frame of the recording, where z need not be up.
 
     Raises
     ------
@@ -136,7 +140,8 @@ def build_mesh(
         Where the style or the colouring is unknown, or the slope is not a finite number of 0 or
         more.
     InputError
-        Where the mesh would have more than `MAX_VERTICES` vertices, or coordinates beyond float64.
+        Where the mesh would have more than `MAX_VERTICES` vertices, or coordinates beyond float64,
+        or the map's meta holds no turn.
     """
     expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
     expect(style, str, "style", f"one of {', '.join(STYLES)}")
@@ -154,9 +159,13 @@ def build_mesh(
     reach = max_slope * surface.cell_size
     nodes = nodes_of(surface, reach if style == "surface" else math.inf)
     if style == "surface":
-        return _assemble(surface, paint, _drawn(surface, nodes, reach))
-    nodes, depths = _depths(surface, nodes)
-    return _assemble(surface, paint, [_nodes(nodes)], depths, nodes.top)
+        mesh = _assemble(surface, paint, _drawn(surface, nodes, reach))
+    else:
+        nodes, depths = _depths(surface, nodes)
+        mesh = _assemble(surface, paint, [_nodes(nodes)], depths, nodes.top)
+    if not as_recorded:
+        return mesh
+    return replace(mesh, vertices=recorded.as_recorded(mesh.vertices, surface.meta))
 
 
 def _depths(surface: SurfaceMap, nodes: Nodes) -> tuple[Nodes, Int64]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from scipy.spatial.transform import Rotation
 
 from mlscli.io.writing.npz import read_map
 from tests.helpers.bags import Sent, write_bag
@@ -113,6 +114,50 @@ def test_the_map_says_how_its_sources_were_read(folder: Path) -> None:
     reading = {"columns": "x,y,z,keyframe", "crop": [0, 2, -2, 0, -1, 1], "up": "-z"}
     assert read_map(folder / "flight.npz").meta["reading"] == reading
     assert "up: -z" in mls("info", "flight.npz", cwd=folder).stdout
+
+
+def test_the_map_holds_its_turn_whole_whichever_way_it_is_built(folder: Path) -> None:
+    rng = np.random.default_rng(1)
+    slope = Rotation.from_euler("x", 3, degrees=True)
+    ground = np.column_stack((rng.uniform(-9, 9, (3000, 2)), np.zeros(3000)))
+    np.savetxt(folder / "far.xyz", np.add(slope.apply(ground), (2000, -3000, 50)))
+    options = ("--set", "map.cell_size=1", "-c", "plain", "-o", "far.npz", "--overwrite")
+    turns = []
+    for others in ((), ("--growing",), ("--jobs", "2"), ("--memory", "1G")):
+        done = mls("build", "far.xyz", "--up", "auto", *options, *others, cwd=folder)
+        assert done.returncode == 0, done.stderr
+        surface = read_map(folder / "far.npz")
+        turns.append(surface.meta["map_from_recording"])
+    assert all(turn == turns[0] for turn in turns)
+    np.testing.assert_allclose(np.array(turns[0])[2, :3], slope.apply([0, 0, 1]), atol=1e-2)
+    # The middle stays.
+    assert abs(surface.height.mean() - 50) < 0.2
+    assert abs(surface.ix.mean() - 2000) < 2
+    for up, row in (("z", [0, 0, 1, 0]), ("-y", [0, -1, 0, 0])):
+        assert mls("build", "flight.txt", "--up", up, *options, cwd=folder).returncode == 0
+        turn = read_map(folder / "far.npz").meta["map_from_recording"]
+        assert turn[2:] == [row, [0, 0, 0, 1]]
+
+
+def test_an_axis_that_the_recording_contradicts_is_told_with_the_option_to_use(
+    folder: Path,
+) -> None:
+    rng = np.random.default_rng(2)
+    ground = np.column_stack((rng.uniform(0, 20, (2000, 2)), rng.normal(0, 0.02, 2000)))
+    parts = [ground[:, [0, 2, 1]]]
+    for angle in np.radians((0, 35, 80, 110, 150)):
+        along, high = rng.uniform(-3, 3, 500), rng.uniform(0, 4, 500)
+        x, y = 10 + along * np.cos(angle), 10 + along * np.sin(angle)
+        parts.append(np.column_stack((x, -high, y)) + rng.normal(0, 0.02, (500, 3)))
+    np.savetxt(folder / "tipped.xyz", np.concatenate(parts))
+    options = ("-c", "plain", "--set", "map.cell_size=1", "--overwrite")
+    for command in (("build", *options), ("build", "--dry-run", *options), ("info",)):
+        done = mls(*command, "tipped.xyz", cwd=folder)
+        assert done.returncode == 0, done.stderr
+        said = done.stdout + done.stderr
+        assert said.count("--up z is doubtful, try --up auto: it seems that up is -y") == 1
+    for up in ("-y", "auto"):
+        assert "doubtful" not in mls("build", "tipped.xyz", "--up", up, *options, cwd=folder).stderr
 
 
 def test_a_bag_of_two_cloud_topics_wants_a_topic(folder: Path) -> None:

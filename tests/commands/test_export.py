@@ -107,12 +107,15 @@ def test_an_ending_that_says_nothing_is_refused(folder: Path) -> None:
 @pytest.mark.usefixtures("folder")
 def test_options_reach_the_mesh() -> None:
     surface = house()
+    surface.meta["map_from_recording"] = [[1, 0, 0, 5], [0, 0, 1, 6], [0, -1, 0, 7], [0, 0, 0, 1]]
+    write_map("house.npz", surface, overwrite=True)
     for options, mesh in (
         (["--style", "patches"], build_mesh(surface, "patches")),
         (["--max-slope", "0"], build_mesh(surface, max_slope=0)),
         (["--max-slope", "9"], build_mesh(surface, max_slope=9)),
         (["--color", "origin"], build_mesh(surface, colour="origin")),
         (["--no-artificial"], build_mesh(surface, artificial=False)),
+        (["--as-recorded"], build_mesh(surface, as_recorded=True)),
     ):
         result = export("--json", "--overwrite", *options)
         write_ply("known.ply", mesh, overwrite=True)
@@ -124,6 +127,36 @@ def test_options_reach_the_mesh() -> None:
             "triangles": len(mesh.triangles),
             "lines": len(mesh.lines),
         }
+
+
+def test_a_mesh_as_recorded_undoes_the_turn_of_the_map(folder: Path) -> None:
+    # (x, y, z) as recorded became (x + 5, z + 6, 7 - y).
+    surface = house()
+    surface.meta["map_from_recording"] = [[1, 0, 0, 5], [0, 0, 1, 6], [0, -1, 0, 7], [0, 0, 0, 1]]
+    write_map("turned.npz", surface)
+    for name in ("ply", "obj", "glb"):
+        assert export("turned.npz", "-o", f"mapped.{name}").exit_code == 0
+        assert export("turned.npz", "--as-recorded", "-o", f"recorded.{name}").exit_code == 0
+        mapped, recorded = (
+            np.array(trimesh.load_mesh(folder / f"{frame}.{name}", process=False).vertices)
+            for frame in ("mapped", "recorded")
+        )
+        if name == "glb":
+            # y is up there: (x, z, -y).
+            mapped, recorded = (each[:, [0, 2, 1]] * (1, -1, 1) for each in (mapped, recorded))
+        x, y, z = mapped.T
+        expected = np.column_stack((x - 5, 7 - z, y - 6))
+        np.testing.assert_allclose(recorded, expected, atol=1e-4)
+
+
+def test_a_turn_that_is_none_and_a_replay_as_recorded_are_refused(folder: Path) -> None:
+    surface = house()
+    surface.meta["map_from_recording"] = "west"
+    write_map("odd.npz", surface)
+    assert "map_from_recording holds west" in str(complaint("odd.npz", "--as-recorded"))
+    assert export("odd.npz").exit_code == 0
+    assert isinstance(complaint("house.npz", "--as-recorded", "--format", "mcap"), UsageError)
+    assert not (folder / "house.mcap").exists()
 
 
 def test_an_existing_output_is_refused_before_the_map_is_read(folder: Path) -> None:

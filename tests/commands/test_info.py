@@ -33,6 +33,25 @@ def test_of_a_map_it_tells_patches_levels_and_what_made_it(tmp_path: Path) -> No
     assert told["levels"] == {"1": 2, "2": 2}
     assert told["extent"] == {"x": [0.0, 2.0], "y": [0.0, 0.5], "z": [0.0, 3.0]}
     assert told["meta"]["sources"] == ["flight.bag"]
+    assert told["up"] == "z"
+    assert "turned" not in text.stdout
+
+
+def test_of_a_map_that_was_turned_it_tells_what_was_up(tmp_path: Path) -> None:
+    for name, turn in (
+        ("turned", [[1, 0, 0, 5], [0, 0, 1, 6], [0, -1, 0, 7], [0, 0, 0, 1]]),
+        ("odd", [1, 2]),
+    ):
+        surface = map_of(BRIDGE)
+        surface.meta["map_from_recording"] = turn
+        write_map(tmp_path / f"{name}.npz", surface)
+    done = mls("info", "odd.npz", "turned.npz", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.startswith("mls: odd.npz: meta: map_from_recording holds [1, 2]")
+    assert done.stderr.count("\n") == 1
+    assert "what was -y is up" in done.stdout
+    # No cloud is there that could be turned.
+    assert mls("info", "turned.npz", "--up", "y", cwd=tmp_path).returncode == 2
 
 
 def test_of_a_map_it_tells_how_many_patches_lie_beyond_their_points(tmp_path: Path) -> None:
