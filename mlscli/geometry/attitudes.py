@@ -1,7 +1,7 @@
 """What the attitudes of cameras, or of a craft, say about the vertical.
 
 - A *camera* (x right, y down, z ahead) is held upright: its x is level, whichever way it looks and
-  however far up or down, though it seldom looks far up, and far down less often than ahead.
+  however far up or down. Most look ahead, some straight down, and hardly any far up.
 - A *body* (x ahead, y left, z up: REP 103 of ROS) hardly tilts.
 
 Attitudes whose axes are not known may be those of a camera, also one turned by a quarter, or of a
@@ -21,8 +21,9 @@ from mlscli.runtime.arrays import Bool, Float64
 # The usual tilt of a craft, and roll of a camera, in radians.
 _TILT = math.radians(12)
 _ROLL = math.radians(6)
-# How far up or down the cameras of a flight usually look: they are much alike, and count once.
-_PITCH = math.radians(25)
+# How far up or down the cameras of a flight usually look, and the share of flights on which they
+# look straight down, all but so much: cameras of one flight are much alike, and count once.
+_PITCH, _DOWN, _ALL_BUT = math.radians(25), 0.15, math.radians(15)
 # The least likelihood of one attitude: of so many, one is not as it should be.
 _ODD = 0.02
 # So many attitudes count, at most: those that follow one another are much alike.
@@ -33,7 +34,7 @@ _SHARES: dict[Axes, dict[str, float]] = {
     "camera": {"camera": 0.94, "turned left": 0.03, "turned right": 0.03},
     "body": {"body": 1.0},
     "unknown": {
-        "camera": 0.45, "body": 0.45, "turned left": 0.02, "turned right": 0.02, "steady": 0.06,
+        "camera": 0.47, "body": 0.47, "turned left": 0.02, "turned right": 0.02, "steady": 0.02,
     },
 }  # fmt: skip
 # Which of its axes, and with which sign, point right and down as an upright camera's.
@@ -128,7 +129,7 @@ def _as(kind: str, seen: Float64, counted: int) -> Float64:
     # and their mean.
     steady = (np.linalg.norm(seen.mean(axis=1), axis=0) - 1) / _TILT**2
     if kind == "steady":
-        return np.asarray(steady, dtype=np.float64)
+        return np.asarray(steady * counted, dtype=np.float64)
     (right, right_sign), (down, down_sign) = _RIGHT_AND_DOWN[kind]
     across, below, ahead = right_sign * seen[right], down_sign * seen[down], seen[2]
     level = np.exp(-((across / _ROLL) ** 2) / 2)
@@ -136,7 +137,10 @@ def _as(kind: str, seen: Float64, counted: int) -> Float64:
     far_up = _ramp(ahead, 0.77, 0.94)
     one = level * (1 - upside_down) * (1 - far_up)
     pitch = np.arcsin(np.clip(ahead, -1, 1))
-    return np.asarray(_together(one, counted) + steady - ((pitch / _PITCH) ** 2).mean(axis=0) / 2)
+    level_sight = math.log(1 - _DOWN) - (pitch / _PITCH) ** 2 / 2
+    straight_down = math.log(_DOWN) - ((pitch + math.pi / 2) / _ALL_BUT) ** 2 / 2
+    sight = np.logaddexp(level_sight, straight_down).mean(axis=0)
+    return np.asarray(_together(one, counted) + steady + sight)
 
 
 def _together(likelihood: Float64, counted: int) -> Float64:

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from mlscli.geometry.attitudes import known_of, likelihoods
-from mlscli.geometry.surroundings import Planes, planes
+from mlscli.geometry.surroundings import Planes, all_planes, dense
 from mlscli.keyframes.keyframe import Axes
 from mlscli.runtime.arrays import Float64
 
@@ -27,9 +27,10 @@ _SURROUNDINGS = ((16, 1), (32, 1), (64, 1), (128, 1), (128, 4), (128, 16))
 # Sums of trust: the first is enough, and less than the second is too little.
 _ENOUGH = 50.0
 FEWEST = 10.0
-# The points whose extent is measured, at most, and the most that a small extent counts.
+# The points whose extent is measured, at most, and the most that a small extent counts: less where
+# it is known how cameras were held, so that no facade passes for ground as it is thin.
 _POINTS = 2000
-_FLATTEST = 20.0
+_FLATTEST, _FLATTEST_SEEN = 20.0, 4.0
 # The share of the trust with which an axis holds its own.
 _HOLD = 0.05
 # Directions to which normals are rounded, and those whose extents are compared.
@@ -52,7 +53,9 @@ class Evidence:
     Attributes
     ----------
     surfaces : Planes
-        Through the smallest surroundings of which enough are flat.
+        Through the smallest surroundings of which enough are flat, those that are dense.
+    all_surfaces : Planes
+        The same with those that were hardly seen.
     trusted : float
         The trust in them in all; with less than `FEWEST` they say nothing.
     has_attitudes : bool
@@ -66,8 +69,11 @@ class Evidence:
 
         self._attitudes, self._axes = attitudes, axes
         self.has_attitudes = bool(known_of(attitudes).any())
+        is_seen = self.has_attitudes and axes != "unknown"
+        self._flattest = _FLATTEST_SEEN if is_seen else _FLATTEST
         self._points = points[:_POINTS]
-        self.surfaces = _surfaces(points)
+        self.all_surfaces = _surfaces(points)
+        self.surfaces = dense(self.all_surfaces)
         self.trusted = float(self.surfaces.trust.sum())
         self._normals = half_sphere(_NORMALS)
         self._votes = np.zeros(_NORMALS)
@@ -88,9 +94,9 @@ class Evidence:
         return np.asarray(np.log(np.maximum(fit, 1e-3) * self.flatness(directions)))
 
     def flatness(self, directions: Float64) -> Float64:
-        """Return the cloud's usual extent over that along each direction (D, 3), at most 20."""
+        """Return the cloud's usual extent over that along each direction (D, 3), up to a limit."""
         extent = self._extent(directions)
-        return np.asarray(self._usual / np.maximum(extent, self._usual / _FLATTEST))
+        return np.asarray(self._usual / np.maximum(extent, self._usual / self._flattest))
 
     def of_attitudes(self, directions: Float64) -> Float64:
         """Return the natural logarithm of what the attitudes say of directions (D, 3)."""
@@ -134,14 +140,14 @@ class Evidence:
 
 
 def _surfaces(points: Float64) -> Planes:
-    """Return the planes through the smallest surroundings of which enough are flat."""
-    best, most = planes(points[:0]), 0.0
+    """Return the planes through the smallest surroundings of which enough are dense and flat."""
+    best, most = all_planes(points[:0]), -1.0
     for neighbours, part in _SURROUNDINGS:
         some = points[: len(points) // part]
         if part > 1 and len(some) < 4 * neighbours:
             break
-        found = planes(some, neighbours)
-        trusted = float(found.trust.sum())
+        found = all_planes(some, neighbours)
+        trusted = float(dense(found).trust.sum())
         if trusted > most:
             best, most = found, trusted
         if most >= _ENOUGH:

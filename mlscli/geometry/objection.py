@@ -6,6 +6,7 @@
 - Floors and walls: another axis of the recording, or one at most 25 degrees from it, as cameras
   look down a little, has most flat surroundings level or plumb, walls among them, and not the
   vertical that was named. A facade alone, a slope or a pipe do not look like that.
+- A craft that flew below all that it saw: so it looks if the map is upside down.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from mlscli.errors import InputError
 from mlscli.geometry.attitudes import likelihoods
 from mlscli.geometry.evidence import Evidence, dots, half_sphere
+from mlscli.geometry.sides import Scene
 from mlscli.geometry.up import axis_named
 from mlscli.geometry.vertical import find_up, is_projected, of_craft
 from mlscli.keyframes.keyframe import Axes
@@ -29,12 +31,14 @@ _SAME, _OTHER = math.radians(10), math.radians(45)
 _TIPPED = math.radians(30)
 # Logarithms of likelihoods: attitudes speak if another vertical is so much less likely than theirs,
 # and contradict the one that was named if it is.
-_SPEAKS, _CONTRADICTS = 3.0, 6.0
+_SPEAKS, _CONTRADICTS = 3.5, 6.0
 # Floors and walls: the least trust in all; the least shares of level and plumb ones, and of plumb
 # ones; the least flatness; the greatest likelihood and share of the named vertical, over those of
 # the other.
 _TRUSTED, _SUPPORT, _WALLS, _FLATNESS = 25.0, 0.65, 0.25, 1.6
 _LIKELY, _SUPPORTED = 0.5, 0.85
+# What a route says that lies below all around it, see `Scene.flown`.
+_BELOW = -2.0
 # How far the other may be from an axis of the recording.
 _OUT_OF_PLUMB = math.radians(25)
 
@@ -68,8 +72,13 @@ def objection(
     if _speak(said, axes, directions):
         if lost < _CONTRADICTS:
             return ""
-    elif not _floors_and_walls_contradict(points, half, named):
-        return ""
+    else:
+        evidence = Evidence(points)
+        if evidence.trusted < _TRUSTED:
+            return ""
+        below = Scene(evidence.all_surfaces, named).flown(route).weight < _BELOW
+        if not below and not _floors_and_walls_contradict(evidence, half, named):
+            return ""
     try:
         found = find_up(points, route, attitudes, axes)
     except InputError:
@@ -90,11 +99,8 @@ def _speak(said: Float64, axes: Axes, directions: Float64) -> bool:
     return bool(said.max() - said[elsewhere].max() > _SPEAKS)
 
 
-def _floors_and_walls_contradict(points: Float64, half: Float64, named: Float64) -> bool:
+def _floors_and_walls_contradict(evidence: Evidence, half: Float64, named: Float64) -> bool:
     """Return whether floors and walls say that not the vertical named is it, but another."""
-    evidence = Evidence(points)
-    if evidence.trusted < _TRUSTED:
-        return False
     other = evidence.fitted(half[int(evidence.of_points(half).argmax())])
     if np.abs(other).max() < math.cos(_OUT_OF_PLUMB) or abs(other @ named) > math.cos(_OTHER):
         return False

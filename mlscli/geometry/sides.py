@@ -15,25 +15,28 @@ import numpy as np
 
 from mlscli.geometry.evidence import dots, level
 from mlscli.geometry.surroundings import Planes
-from mlscli.runtime.arrays import Bool, Float64, Int64
+from mlscli.runtime.arrays import Float64, Int64
 
 # Most recordings have z up or, in a camera's frame, y down, at most so much out of plumb, as
 # cameras look down a little. Where y is plumb, though, it may as well be up, as in graphics.
 _OUT_OF_PLUMB, _PLUMB = math.radians(25), math.radians(5)
 _Z_UP, _Y_DOWN, _Y_PLUMB = 1.5, 1.1, 0.5
 # Weights, where all of it speaks for one side: of a flight outside of all that was seen, of a
-# flight above what is level, and of what is level in the lower half of the scene.
-_OUTSIDE, _ABOVE, _LOWER = 3.0, 1.0, 1.36
-# A pose is outside if at least this share of the points around it lies to one side of it.
-_ALL = 0.95
-# Level surfaces with less trust in all than this say less, in proportion.
-_ENOUGH = 20.0
+# flight above what is level, and of what is level in the lower half of the scene; and of all that,
+# as it looks at the same surfaces.
+_OUTSIDE, _ABOVE, _LOWER, _SCENE = 2.5, 1.0, 1.36, 2.5
+# A pose is outside if at least this share of the points around it, and of the area of what is
+# level, lies to one side of it.
+_ALL, _ALL_LEVEL = 0.95, 0.9
+# Level surfaces say less, in proportion, with less trust in all than this, or with a smaller share
+# of the trust in all surfaces: of surfaces at any angle, some are level by chance.
+_ENOUGH, _SHARE = 20.0, 0.05
 # The least height that counts, as a share of the extent across.
 _FLAT = 0.01
 # The poses and points that are compared, at most; the points for each cell of area.
 _POSES, _POINTS, _POINTS_PER_CELL = 200, 5000, 32
-# A reason with less weight is not told, and a sum that is less decides nothing.
-_SLIGHT, _NOTHING = 0.3, 0.1
+# A reason with less weight is not told; a sum that is less decides nothing, or is not certain.
+_SLIGHT, _NOTHING, _UNCERTAIN = 0.3, 0.1, 0.5
 
 
 class Reason(NamedTuple):
@@ -68,7 +71,8 @@ class Scene:
         along = np.abs(dots(surfaces.normals, axis))
         self._level = surfaces.trust * level(along, 15, 30)
         self._standing = along < math.cos(math.radians(45))
-        self._weight = min(1.0, float(self._level.sum()) / _ENOUGH)
+        trusted, of_level = float(surfaces.trust.sum()), float(self._level.sum())
+        self._weight = min(1.0, of_level / _ENOUGH, of_level / (_SHARE * trusted or 1.0))
         self._xy, self._heights = self._seen(surfaces.points)
         low, high = np.percentile(self._xy, [5, 95], axis=0)
         self._reach = float(np.hypot(*(high - low)))
@@ -76,6 +80,13 @@ class Scene:
     def _seen(self, points: Float64) -> tuple[Float64, Float64]:
         """Return positions across the axis (N, 2) and along it (N,)."""
         return dots(points, self._across), dots(points, self._axis)
+
+    def reasons(self, route: Float64 | None) -> list[Reason]:
+        """Return what the scene says, and a route (K, 3) through it."""
+        reasons = [self.flown(route), self.lies()]
+        total = abs(sum(reason.weight for reason in reasons))
+        share = min(1.0, _SCENE / total) if total else 1.0
+        return [reason._replace(weight=share * reason.weight) for reason in reasons]
 
     def flown(self, route: Float64 | None) -> Reason:
         """Return what a route (K, 3) says: a craft flies above the ground, and above what it sees.
@@ -91,10 +102,8 @@ class Scene:
         lower = self._lower(middle, _FLAT * self._reach)
         above = max(lower, 1 - lower)
         where = "all around it" if abs(outside) > _SLIGHT else f"{above:.0%} of what is level"
-        return Reason(
-            _OUTSIDE * outside + _ABOVE * self._weight * (2 * lower - 1),
-            f"the craft flew above {where}",
-        )
+        weight = max(_OUTSIDE * outside, _ABOVE * self._weight * (2 * lower - 1), key=abs)
+        return Reason(weight, f"the craft flew above {where}")
 
     def lies(self) -> Reason:
         """Return what the scene says: ground is level, and what stands on it thins out upwards.
@@ -116,22 +125,27 @@ class Scene:
         )
         return Reason(_LOWER * (of_level + smoother + tail), why)
 
-    def _outside(self, xy: Float64, heights: Float64) -> float:
+    def _outside(self, xy: Float64, pose_heights: Float64) -> float:
         """Return the share of poses, (K, 2) and (K,), above all around them, less that below all.
 
         Some of it must lie rather beneath or above than beside: not so what a scanner sees whose
         beams are level.
         """
         sides = []
-        for place, height in zip(xy, heights, strict=True):
+        heights, is_level = self._heights[:_POINTS], self._level[:_POINTS] > _SLIGHT
+        cell, _ = self._cells(np.arange(len(heights)))
+        for place, own in zip(xy, pose_heights, strict=True):
             away = np.hypot(*(self._xy[:_POINTS] - place).T)
-            up = self._heights[:_POINTS] - height
             around = away <= self._reach / 2
-            steep = around & (np.abs(up) > away / 2)
-            is_lower = up < 0
+            steep = around & (np.abs(heights - own) > away / 2)
+            is_lower = heights < own
             for side, sign in ((is_lower, 1), (~is_lower, -1)):
                 if (steep & side).any() and side[around].mean() >= _ALL:
-                    sides.append(sign)
+                    those, others = (
+                        len(np.unique(cell[around & is_level & some])) for some in (side, ~side)
+                    )
+                    if those >= _ALL_LEVEL * (those + others):
+                        sides.append(sign)
         return sum(sides) / len(xy)
 
     def _lower(self, height: float, margin: float) -> float:
@@ -139,14 +153,14 @@ class Scene:
         counted = (self._level > _SLIGHT) & (np.abs(self._heights - height) >= margin)
         if not counted.any():
             return 0.5
-        cell, _ = self._cells(counted)
+        cell, _ = self._cells(np.flatnonzero(counted))
         is_lower = self._heights[counted] < height
         lower, upper = len(np.unique(cell[is_lower])), len(np.unique(cell[~is_lower]))
         return lower / (lower + upper)
 
     def _smoother(self) -> float:
         """Return how much smoother the lower ends of columns are than the upper ends, -1 to 1."""
-        cell, side = self._cells(np.ones(len(self._heights), dtype=np.bool_))
+        cell, side = self._cells(np.arange(len(self._heights)))
         order = np.lexsort((self._heights, cell))
         first = np.searchsorted(cell[order], np.arange(side * side + 1))
         count = np.diff(first)
@@ -162,7 +176,7 @@ class Scene:
         low, high = np.median(both, axis=1).tolist()
         return float((high - low) / (high + low)) if high + low > 0 else 0.0
 
-    def _cells(self, counted: Bool) -> tuple[Int64, int]:
+    def _cells(self, counted: Int64) -> tuple[Int64, int]:
         """Return the cell, seen along the axis, of each point counted, and the cells on a side."""
         xy = self._xy[counted]
         low, high = np.percentile(xy, [2, 98], axis=0)
@@ -186,13 +200,20 @@ def customary(axis: Float64) -> Reason:
 
 
 def decide(reasons: Sequence[Reason]) -> tuple[float, str]:
-    """Return the sum of the weights, 0 where it decides nothing, and why it is what it is."""
+    """Return the sum of the weights, 0 where it leaves the side open, and what speaks for it."""
     total = sum(reason.weight for reason in reasons)
-    speaking = [r for r in reasons if abs(r.weight) > _SLIGHT and (r.weight > 0) == (total > 0)]
-    if abs(total) <= _NOTHING or not speaking:
-        return 0.0, "nothing says which way along it is up; that nearer to z up and y down is taken"
-    speaking.sort(key=lambda reason: -abs(reason.weight))
-    return total, ", and ".join(reason.why for reason in speaking)
+    told = sorted(reasons, key=lambda reason: -abs(reason.weight))
+    told = [reason for reason in told if abs(reason.weight) > _SLIGHT]
+    pro = [reason.why for reason in told if (reason.weight > 0) == (total > 0)]
+    contra = [reason.why for reason in told if (reason.weight > 0) != (total > 0)]
+    if abs(total) <= _NOTHING or not pro:
+        return 0.0, "which way along it is up is not known; that nearer to z up and y down is taken"
+    why = ", and ".join(pro)
+    if contra:
+        why = f"{why}; for the opposite speaks that {', and '.join(contra)}"
+    if abs(total) < _UNCERTAIN:
+        why = f"{why}; which way along it is up is not certain"
+    return total, why
 
 
 def _tail(heights: Float64) -> float:

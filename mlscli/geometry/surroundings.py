@@ -113,6 +113,21 @@ def planes(points: Float64, neighbours: int = 16) -> Planes:
     """Fit a plane to the nearest neighbours of each point.
 
     A plane is not trusted where these reach more than three times as far as the median.
+    Parameters are those of `all_planes`.
+    """
+    return dense(all_planes(points, neighbours))
+
+
+def dense(found: Planes) -> Planes:
+    """Return planes without trust where neighbours reach three times as far as the median."""
+    if not len(found.reach):
+        return found
+    is_sparse = found.reach > 3 * np.median(found.reach)
+    return found._replace(trust=np.where(is_sparse, 0.0, found.trust))
+
+
+def all_planes(points: Float64, neighbours: int = 16) -> Planes:
+    """Fit a plane to the nearest neighbours of each point, however far away these are.
 
     Parameters
     ----------
@@ -139,7 +154,6 @@ def planes(points: Float64, neighbours: int = 16) -> Planes:
 
     if len(points):
         in_ranges(len(points), fit)
-        trust[reach > 3 * np.median(reach)] = 0.0
     return Planes(points, middles, normals, trust, variances, reach)
 
 

@@ -45,7 +45,8 @@ class Up:
     runner_up : float64 (3,)
         The best of the directions that are 45 degrees or more away, a unit vector.
     doubt : float
-        The score of `runner_up` over that of `axis`: from 0 to 0.85.
+        The score of `runner_up` over that of `axis`, or where custom decided between the two, the
+        lower over the higher: from 0 to 1.
     why : str
         What distinguished up from down.
     middle : float64 (3,)

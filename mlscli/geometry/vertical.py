@@ -21,10 +21,16 @@ from mlscli.keyframes.keyframe import Axes
 from mlscli.runtime.arrays import Float64
 
 _DIRECTIONS = 2000
-# The runner-up is at least this far from the axis; with at least this share of its likelihood the
+# The runner-up is at least this far from the axis; with more than this share of its likelihood the
 # two are supported about equally. Where no surroundings are flat, it must be clearer than that.
 _APART = math.radians(45)
 _EQUAL, _CLEAR = 0.85, 0.35
+# Points and attitudes contradict each other if they speak for different ones of the two by more
+# than this, as logarithms; then one must be clearer, too, or the customary one.
+_CONTRADICTION = 1.0
+# A cloud is one plane if more than this share of its surfaces is level, and less than the rest
+# plumb.
+_ONE_PLANE = 0.9
 # What attitudes say is given up to fit walls and floors by this much at most, as a logarithm.
 _YIELD = 0.5
 # An axis this near to one of the recording's is replaced by that.
@@ -90,7 +96,14 @@ def find_up(
         )
     axis, why = _upwards(evidence, axis, route, attitudes, axes)
     runner_up, _ = _upwards(evidence, runner_up, route, attitudes, axes)
-    if doubt > _EQUAL:
+    if doubt > _CLEAR and _contradict(evidence, both[best], both[second]):
+        # Cameras that all look straight at a plane: at ground, or at a facade. Custom decides.
+        custom = [customary(direction).weight for direction in (axis, runner_up)]
+        if max(custom) <= 0 or custom[0] == custom[1]:
+            raise InputError(_undecided(evidence, axis, runner_up))
+        if custom[0] < custom[1]:
+            (axis, why), runner_up = _upwards(evidence, runner_up, route, attitudes, axes), axis
+    elif doubt > _EQUAL:
         raise InputError(_undecided(evidence, axis, runner_up))
     return Up(axis, *evidence.shares(axis), runner_up, doubt, why, _middle(points))
 
@@ -143,6 +156,15 @@ def _undecided(evidence: Evidence, *axes: Float64) -> str:
     return f"`up` auto: two axes are supported about equally, {supported}; expected {choice}"
 
 
+def _contradict(evidence: Evidence, best: Float64, second: Float64) -> bool:
+    """Return whether points speak for one of two directions, and attitudes for the other."""
+    two = np.stack((best, second))
+    of_points, of_attitudes = (
+        float(said[0] - said[1]) for said in (evidence.of_points(two), evidence.of_attitudes(two))
+    )
+    return of_points * of_attitudes < 0 and min(abs(of_points), abs(of_attitudes)) > _CONTRADICTION
+
+
 def _refined(evidence: Evidence, axis: Float64) -> Float64:
     """Return the axis near this one that best fits level and plumb planes, and the attitudes."""
     fitted = evidence.fitted(axis)
@@ -169,6 +191,10 @@ def _upwards(
     weight = max(-_DECISIVE, min(_DECISIVE, ahead - back))
     up = axis if weight >= 0 else -axis
     said = Reason(weight, taken_as(attitudes, axes, around(up, _ABOUT)))
-    scene = Scene(evidence.surfaces, axis)
-    total, why = decide([said, scene.flown(route), scene.lies(), customary(axis)])
+    scene = Scene(evidence.all_surfaces, axis)
+    total, why = decide([said, *scene.reasons(route), customary(axis)])
+    of_level, of_plumb = evidence.shares(axis)
+    is_one_plane = of_level > _ONE_PLANE and of_plumb < 1 - _ONE_PLANE
+    if is_one_plane and (axes == "unknown" or not evidence.has_attitudes):
+        why += "; a facade alone would look the same"
     return (axis if total >= 0 else -axis), why

@@ -154,6 +154,23 @@ def test_attitudes_object_to_a_map_that_is_upside_down() -> None:
     assert said(points) == ""
 
 
+def test_a_flight_below_all_that_it_saw_objects() -> None:
+    # As in the frame of a navigation system, north, east, down.
+    rng = np.random.default_rng(8)
+    points, over = town(rng), rng.uniform((-20, -20, 25), (20, 20, 35), (40, 3))
+    # Some are wrong, at any height.
+    wrong = rng.uniform((-20, -20, 0), (20, 20, 8), (200, 3))
+    points = np.concatenate((points, wrong))
+
+    assert said(points, "z", over) == ""
+    words = said(points * (1, -1, -1), "z", over * (1, -1, -1))
+    assert "it seems that up is -z" in words
+    assert "the craft flew above all around it" in words
+    # Where it flew within, nothing is certain.
+    within = over * (1, -1, -0.1)
+    assert said(points * (1, -1, -1), "z", within) == ""
+
+
 def test_attitudes_that_agree_outweigh_floors_and_walls() -> None:
     points = Y_DOWN.apply(town(np.random.default_rng(4)))
     yaw = Rotation.from_euler("z", np.linspace(0, 300, 15)[:, None], degrees=True)
