@@ -20,18 +20,17 @@ from mlscli.geometry.attitudes import likelihoods
 from mlscli.geometry.evidence import Evidence, dots, half_sphere
 from mlscli.geometry.sides import Scene
 from mlscli.geometry.up import axis_named
-from mlscli.geometry.vertical import find_up, is_projected, of_craft
+from mlscli.geometry.vertical import CONTRADICTS, find_up, has_z_up, lost_with, of_craft
 from mlscli.keyframes.keyframe import Axes
 from mlscli.runtime.arrays import Float64
 
 _DIRECTIONS = 1000
-# A vertical within this of another is the same; farther than this, the two contradict each other.
-_SAME, _OTHER = math.radians(10), math.radians(45)
+# Verticals farther apart than this contradict each other.
+_OTHER = math.radians(45)
 # Of axes that are known, attitudes tell more exactly: a map this far out of plumb is tipped.
 _TIPPED = math.radians(30)
-# Logarithms of likelihoods: attitudes speak if another vertical is so much less likely than theirs,
-# and contradict the one that was named if it is.
-_SPEAKS, _CONTRADICTS = 3.5, 6.0
+# Attitudes speak if another vertical is so much less likely than theirs, as a logarithm.
+_SPEAKS = 3.5
 # Floors and walls: the least trust in all; the least shares of level and plumb ones, and of plumb
 # ones; the least flatness; the greatest likelihood and share of the named vertical, over those of
 # the other.
@@ -60,7 +59,7 @@ def objection(
         As for `mlscli.geometry.vertical.find_up`, in the frame of the recording.
     """
     named = axis_named(up)
-    if is_projected(points):
+    if has_z_up(points, attitudes, axes):
         if up == "z":
             return ""
         return f"`up` {up} is doubtful, try `up` z: the coordinates are those of a map projection"
@@ -68,9 +67,8 @@ def objection(
     half = half_sphere(_DIRECTIONS)
     directions = np.concatenate((half, -half))
     said = likelihoods(attitudes, axes, directions)
-    lost = float(said.max() - said[dots(directions, named) > math.cos(_SAME)].max())
     if _speak(said, axes, directions):
-        if lost < _CONTRADICTS:
+        if lost_with(named, attitudes, axes) < CONTRADICTS:
             return ""
     else:
         evidence = Evidence(points)

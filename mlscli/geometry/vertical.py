@@ -1,9 +1,10 @@
 """The vertical of a cloud, found where the user did not name it.
 
-The coordinates of a map projection have z up. Otherwise it is the direction for which most speaks:
-the attitudes of cameras or craft, as in `mlscli.geometry.attitudes`, and flat surroundings and the
-extent of the cloud, as in `mlscli.geometry.evidence`. Where these leave open which way along it is
-up, `mlscli.geometry.sides` tells.
+The coordinates of a map projection have z up, unless attitudes contradict it. Otherwise it is the
+direction for which most speaks: the attitudes of cameras or craft, as in
+`mlscli.geometry.attitudes`, and flat surroundings and the extent of the cloud, as in
+`mlscli.geometry.evidence`. Where these leave open which way along it is up, `mlscli.geometry.sides`
+tells.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import math
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.geometry.attitudes import taken_as
+from mlscli.geometry.attitudes import likelihoods, taken_as
 from mlscli.geometry.evidence import FEWEST, Evidence, around, dots, half_sphere
 from mlscli.geometry.sides import Reason, Scene, customary, decide
 from mlscli.geometry.up import UP_AXES, Up, axis_named, describe, nearest_axis
@@ -33,6 +34,10 @@ _CONTRADICTION = 1.0
 _ONE_PLANE = 0.9
 # What attitudes say is given up to fit walls and floors by this much at most, as a logarithm.
 _YIELD = 0.5
+# Attitudes contradict a vertical with which they are so much less likely, as a logarithm. What is
+# within this of it is the same vertical.
+CONTRADICTS = 6.0
+_SAME = math.radians(10)
 # An axis this near to one of the recording's is replaced by that.
 _ROUNDING = 1e-6
 # More weight than this of the attitudes decides which way is up, whatever else there is.
@@ -72,7 +77,7 @@ def find_up(
         Where too few points have flat surroundings, or two axes are supported about equally, and
         no attitudes decide.
     """
-    if is_projected(points):
+    if has_z_up(points, attitudes, axes):
         z, x = axis_named("z"), axis_named("x")
         return Up(z, 0.0, 0.0, x, 0.0, "the coordinates are those of a map projection")
     attitudes = of_craft(attitudes, axes, points, route)
@@ -108,12 +113,28 @@ def find_up(
     return Up(axis, *evidence.shares(axis), runner_up, doubt, why, _middle(points))
 
 
-def is_projected(points: Float64) -> bool:
-    """Return whether points (N, 3) have the coordinates of a map projection: far away, not high."""
+def has_z_up(points: Float64, attitudes: Float64 | None, axes: Axes) -> bool:
+    """Return whether points (N, 3) have the coordinates of a map projection: far away, not high.
+
+    Not so where attitudes whose axes are known contradict it. Parameters are those of `find_up`.
+    """
     if not len(points):
         return False
     x, y, z = np.abs(np.median(points, axis=0)).tolist()
-    return bool(min(x, y) > _FAR_BOTH and max(x, y) > _FAR and z < _HIGHEST)
+    if min(x, y) <= _FAR_BOTH or max(x, y) <= _FAR or z >= _HIGHEST:
+        return False
+    return axes == "unknown" or lost_with(axis_named("z"), attitudes, axes) < CONTRADICTS
+
+
+def lost_with(axis: Float64, attitudes: Float64 | None, axes: Axes) -> float:
+    """Return how much less likely attitudes are with an axis (3,) up than with the likeliest one.
+
+    It is a natural logarithm, 0 or more. Parameters are those of `find_up`.
+    """
+    half = half_sphere(_DIRECTIONS // 2)
+    directions = np.concatenate((half, -half))
+    said = likelihoods(attitudes, axes, directions)
+    return float(said.max() - said[dots(directions, axis) > math.cos(_SAME)].max())
 
 
 def of_craft(

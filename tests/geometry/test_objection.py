@@ -195,6 +195,10 @@ def test_the_coordinates_of_a_map_projection_object_to_all_but_z() -> None:
         assert said(wild, up) == (
             f"`up` {up} is doubtful, try `up` z: the coordinates are those of a map projection"
         )
+    # Unless cameras know better.
+    yaw = Rotation.from_euler("z", np.linspace(0, 300, 15)[:, None], degrees=True)
+    words = said(wild, "z", None, Y_DOWN * yaw * CAMERA, "camera")
+    assert "`up` z is doubtful, try `up` auto" in words
 
 
 def test_too_few_points_say_nothing() -> None:

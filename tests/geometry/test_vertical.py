@@ -305,6 +305,15 @@ def test_the_coordinates_of_a_map_projection_have_z_up_exactly(slope: float) -> 
         assert up.axis.tolist() == [0, 0, 1]
         assert not up.middle.any()
         assert "map projection" in up.summary
+    # Cameras come first: such coordinates may have been made of others without turning them.
+    tipped = Rotation.from_euler("y", 50, degrees=True)
+    yaw = Rotation.from_euler("z", np.linspace(0, 300, 15)[:, None], degrees=True)
+    away = np.add(tipped.apply(ground), (513_000.0, 5_403_000.0, 300.0))
+    up = found(away, None, (tipped * yaw * CAMERA).as_quat(), "camera")
+    assert degrees_between(up.axis, tipped.apply(Z)) < 15
+    assert up.middle.any()
+    up = found(away, None, (yaw * CAMERA).as_quat(), "camera")
+    assert up.axis.tolist() == [0, 0, 1]
 
 
 def test_a_cloud_far_from_the_origin_turns_about_its_middle() -> None:
