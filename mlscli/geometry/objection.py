@@ -32,10 +32,11 @@ _TIPPED = math.radians(30)
 # Attitudes speak if another vertical is so much less likely than theirs, as a logarithm.
 _SPEAKS = 3.5
 # Floors and walls: the least trust in all; the least shares of level and plumb ones, and of plumb
-# ones; the least flatness; the greatest likelihood and share of the named vertical, over those of
-# the other.
+# ones; the least flatness; by how much they must be likelier than with the vertical named, as a
+# logarithm; and the greatest share of level and plumb ones with that, of those with the other; or
+# by how much they must be likelier, than with that and than with any at all.
 _TRUSTED, _SUPPORT, _WALLS, _FLATNESS = 25.0, 0.65, 0.25, 1.6
-_LIKELY, _SUPPORTED = 0.5, 0.85
+_LIKELIER, _SUPPORTED, _FLATTER, _FLATTEST = 0.7, 0.85, 2.0, 1.5
 # What a route says that lies below all around it, see `Scene.flown`.
 _BELOW = -2.0
 # How far the other may be from an axis of the recording.
@@ -99,16 +100,20 @@ def _speak(said: Float64, axes: Axes, directions: Float64) -> bool:
 
 def _floors_and_walls_contradict(evidence: Evidence, half: Float64, named: Float64) -> bool:
     """Return whether floors and walls say that not the vertical named is it, but another."""
-    other = evidence.fitted(half[int(evidence.of_points(half).argmax())])
+    said = evidence.of_points(half)
+    other = evidence.fitted(half[int(said.argmax())])
     if np.abs(other).max() < math.cos(_OUT_OF_PLUMB) or abs(other @ named) > math.cos(_OTHER):
         return False
     of_level, of_plumb = evidence.shares(other)
     support = of_level + of_plumb
     here, there = evidence.of_points(np.stack((named, other))).tolist()
+    elsewhere = float(said[np.abs(dots(half, other)) < math.cos(_OTHER)].max())
+    # Walls at right angles make floors and walls of either.
+    is_flat = there - here > _FLATTER and there - elsewhere > _FLATTEST
     return bool(
         support > _SUPPORT
         and of_plumb > _WALLS
         and evidence.flatness(other[np.newaxis])[0] > _FLATNESS
-        and here - there < math.log(_LIKELY)
-        and sum(evidence.shares(named)) < _SUPPORTED * support
+        and there - here > _LIKELIER
+        and (is_flat or sum(evidence.shares(named)) < _SUPPORTED * support)
     )

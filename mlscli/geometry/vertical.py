@@ -33,7 +33,7 @@ _CONTRADICTION = 1.0
 # plumb.
 _ONE_PLANE = 0.9
 # What attitudes say is given up to fit walls and floors by this much at most, as a logarithm.
-_YIELD = 0.5
+_YIELD = 2.0
 # Attitudes contradict a vertical with which they are so much less likely, as a logarithm. What is
 # within this of it is the same vertical.
 CONTRADICTS = 6.0

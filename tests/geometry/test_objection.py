@@ -124,6 +124,31 @@ def test_floors_and_walls_at_any_angle_object_to_an_axis_across(turn: Rotation) 
     assert said(points, "-y" if turn is Y_DOWN else "y") == ""
 
 
+def lot(rng: np.random.Generator) -> Float64:
+    side, other = wall(rng, 60, 6, 1500), wall(rng, 60, 6, 1500, 90)
+    return noisy(rng, level(rng, 60, 60, 5000), np.add(side, (0, 30, 0)), np.add(other, (30, 0, 0)))
+
+
+def mast(rng: np.random.Generator) -> Float64:
+    sides = [wall(rng, 2, 30, 700, yaw) for yaw in (0, 90)]
+    return noisy(rng, *(side + shift for side in sides for shift in ((-1, -1, 0), (1, 1, 0))))
+
+
+def at_its_foot(rng: np.random.Generator) -> Float64:
+    """Return a facade and a strip of ground along it."""
+    return noisy(rng, wall(rng, 60, 15, 4000), level(rng, 60, 6, 1600) - (0, 3, 0))
+
+
+def test_ground_among_walls_at_right_angles_objects_if_it_is_wide() -> None:
+    # All surfaces are level or plumb to each of the axes.
+    points = lot(np.random.default_rng(9))
+
+    assert said(points) == ""
+    assert "it seems that up is y" in said(Y_UP.apply(points))
+    for kind in (mast, at_its_foot):
+        assert said(kind(np.random.default_rng(10))) == ""
+
+
 @pytest.mark.parametrize(
     ("axes", "mount"), [("camera", CAMERA), ("unknown", CAMERA), ("body", Z_TO_Z)]
 )
