@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import click
 
 from mlscli.commands import report
+from mlscli.commands.flying import features, noisy
 from mlscli.commands.options import PARTLY_READ, as_json, overwrite, refuse_given
 from mlscli.commands.reading import FormatsInHelp, Numbers, read_points, reading
 from mlscli.errors import UsageError, with_options
@@ -57,27 +58,8 @@ _OF_SCANS = "features", "legs", "survey"
     metavar="S",
     help="Spacing of the points on a scene.",
 )
-@click.option(
-    "--features",
-    type=int,
-    metavar="N",
-    help="With --cloud: points that a keyframe finds at most, more of them where the surface "
-    "varies.  [default: 1000]",
-)
-@click.option(
-    "--sigma",
-    type=Numbers("H,V"),
-    default="0.05,0.05",
-    show_default=True,
-    help="Standard deviations of the points, horizontal and vertical.",
-)
-@click.option(
-    "--noise",
-    type=click.Choice(("thesis", "slam")),
-    default="thesis",
-    show_default=True,
-    help="Salt and pepper in z, or depth errors that grow with the square of the distance.",
-)
+@features
+@noisy
 @click.option(
     "--reference",
     type=float,

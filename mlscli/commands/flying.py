@@ -1,0 +1,39 @@
+"""Options that say how a synthetic flight errs, for every command that makes one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from mlscli.commands.reading import Numbers
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+features = click.option(
+    "--features",
+    type=int,
+    metavar="N",
+    help="With --cloud: points that a keyframe finds at most, more of them where the surface "
+    "varies.  [default: 1000]",
+)
+
+
+def noisy(command: Command) -> Command:
+    """Add ``--sigma`` and ``--noise``; the command takes them as `sigma` and `noise`."""
+    sigma = click.option(
+        "--sigma",
+        type=Numbers("H,V"),
+        default="0.05,0.05",
+        show_default=True,
+        help="Standard deviations of the points, horizontal and vertical.",
+    )
+    noise = click.option(
+        "--noise",
+        type=click.Choice(("thesis", "slam")),
+        default="thesis",
+        show_default=True,
+        help="Salt and pepper in z, or depth errors that grow with the square of the distance.",
+    )
+    return sigma(noise(command))
