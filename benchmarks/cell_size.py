@@ -21,7 +21,8 @@ from mlscli.runtime.arrays import Bool
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.truth import truth
 from mlscli.scoring.kernels import Patches, covered, nearby
-from mlscli.trials.quality import flown, mapped
+from mlscli.trials.quality import flown
+from mlscli.trials.staged import mapped
 
 SQUARE, TOLERANCE, SIDEWAYS = 0.05, 0.075, 3
 GAP = 0.45

@@ -29,7 +29,7 @@ from mlscli.scenes.presets import make
 from mlscli.scenes.surfaces import Scatter
 from mlscli.scoring import score
 from mlscli.scoring.comparison import matches
-from mlscli.trials.quality import mapped
+from mlscli.trials.staged import mapped
 
 CALM = Noise(sigma=Scatter(0.02, 0.02), salt_pepper=0.0)
 

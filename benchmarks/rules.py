@@ -23,7 +23,8 @@ from mlscli.scenes.flight import Flight
 from mlscli.scenes.presets import SCENE_PRESETS
 from mlscli.scenes.truth import truth
 from mlscli.scoring import Score, score
-from mlscli.trials.quality import CELL_SIZE, flown, mapped
+from mlscli.trials.quality import CELL_SIZE, flown
+from mlscli.trials.staged import mapped
 
 # What the default pipeline sets, and what a stage does where nothing is said.
 DEFAULT = {

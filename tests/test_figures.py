@@ -25,7 +25,7 @@ from mlscli.pipeline.stages.stage import Stage
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.surfaces import Scatter, Scene, add_horizontal
-from mlscli.trials.quality import mapped
+from mlscli.trials.staged import mapped
 from tests.helpers.maps import GAP, Patch, map_of
 
 FIGURES = (

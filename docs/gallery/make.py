@@ -30,7 +30,7 @@ from mlscli.scenes.parts import block, cell, cells, floor, inset, ramp, wall
 from mlscli.scenes.presets import make
 from mlscli.scenes.surfaces import Scatter, Scene
 from mlscli.scoring.comparison import matches
-from mlscli.trials.quality import mapped
+from mlscli.trials.staged import mapped
 
 FOLDER = Path(__file__).parent
 MOST_BYTES = 150_000

@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from mlscli.commands.options import as_json, configured, overwrite, say
+from mlscli.commands.flying import features, noisy
+from mlscli.commands.options import (
+    PARTLY_READ,
+    as_json,
+    configured,
+    overwrite,
+    refuse_given,
+    say,
+)
 from mlscli.commands.progress import ProgressBar
+from mlscli.commands.reading import FormatsInHelp, read_points, reading
 
 if TYPE_CHECKING:
     from mlscli.pipeline.parameters import Parameters
+    from mlscli.scenes.noise import Noise
+    from mlscli.scenes.scans import Scan
+
+# What goes with --quality, beside how scans are read.
+_OF_QUALITY = "scenes", "clouds", "outliers", "seeds", "noise", "sigma"
 
 
-@click.command()
+@click.command(cls=FormatsInHelp)
 @click.option("--quality", is_flag=True, help="Score synthetic flights, stage by stage.")
 @click.option(
     "--scenes",
@@ -23,7 +37,19 @@ if TYPE_CHECKING:
     help="Scenes to fly over, such as bridge,house; by default all but the large village.",
 )
 @click.option(
-    "--outliers", metavar="LIST", help="Shares of salt and pepper (default: 0,0.1,0.2,0.3)."
+    "--cloud",
+    "clouds",
+    multiple=True,
+    metavar="SCAN",
+    help="A dense scan of a real place, to be flown over in place of scenes; each by itself.",
+)
+@features
+@noisy
+@click.option(
+    "--outliers",
+    metavar="LIST",
+    help="Shares of salt and pepper, or with --noise slam of wrong correspondences (default: "
+    "0,0.1,0.2,0.3).",
 )
 @click.option("--seeds", metavar="LIST", help="Seeds, over which the mean is taken (default: 1).")
 @click.option(
@@ -39,9 +65,14 @@ if TYPE_CHECKING:
 @configured
 @overwrite
 @as_json
+@reading
 def command(
     quality: bool,
     scenes: str | None,
+    clouds: tuple[str, ...],
+    features: int | None,
+    sigma: tuple[float, float],
+    noise: Literal["thesis", "slam"],
     outliers: str | None,
     seeds: str | None,
     sizes: str | None,
@@ -52,12 +83,19 @@ def command(
     settings: tuple[str, ...],
     overwrite: bool,
     as_json: bool,
-) -> None:
+    **selection: Any,
+) -> int:
     """Measure what each stage of the pipeline is worth, or how long a batch takes.
 
     With --quality, every synthetic scene is flown with more and more outliers and mapped with one
     stage more at a time; the maps are scored against the truth. The report is a table in
-    Markdown, or JSON with --json. Seeds make it repeatable.
+    Markdown, or JSON with --json. Seeds make it repeatable. Cells are 0.15, as the thesis has
+    them, with --noise slam of a size found from each flight, unless the configuration says a size.
+
+    With --quality --cloud SCAN, flights are those of mls synth --cloud, in cells of a size found
+    from each flight, and the meshes of the maps are scored against the scan, as mls compare --cloud
+    does, at the distance of a cell. A scan is read as mls build would, with the same options:
+    FORMATS.
 
     With --sizes, a flight is cut into batches of each size, which go through the whole pipeline
     into a growing map. The program is warm; what the first batch cost more is said.
@@ -65,42 +103,100 @@ def command(
     from mlscli.config import load
     from mlscli.errors import UsageError
     from mlscli.io.writing.atomic import atomic_write, refuse_existing
+    from mlscli.scenes.noise import Noise
+    from mlscli.scenes.surfaces import Scatter
 
     if quality == (sizes is not None):
         raise UsageError("mls bench: say what to measure: --quality or --sizes 20..400")
-    if quality and (plot or compare):
-        raise UsageError("--plot and --compare go with --sizes")
-    if not quality and (scenes or outliers or seeds):
-        raise UsageError("--scenes, --outliers and --seeds go with --quality")
+    if quality:
+        refuse_given("goes with --sizes", "plot", "compare")
+    else:
+        refuse_given("goes with --quality", *_OF_QUALITY)
+    if clouds:
+        refuse_given("names scenes, and --cloud is a scan", "scenes")
+    else:
+        refuse_given("goes with --cloud SCAN", "features", *selection)
     parameters = load(config, settings)
     for target in (output, plot):
         if target is not None:
             refuse_existing(target, overwrite=overwrite)
-    if sizes is None:
-        report = _quality(scenes, outliers or "0,0.1,0.2,0.3", seeds or "1", parameters, as_json)
-    else:
+    lost = False
+    if sizes is not None:
         report = _pace(sizes, plot, compare, parameters, overwrite, as_json)
+    else:
+        asked = _Asked(
+            _numbers("--outliers", outliers or "0,0.1,0.2,0.3"),
+            _seeds(seeds or "1"),
+            Noise(noise, Scatter(*sigma)),
+            parameters,
+        )
+        if clouds:
+            scans, lost = _scans(clouds, selection)
+            report = _scan_quality(scans, features, asked, as_json)
+        else:
+            report = _quality(scenes, asked, as_json)
     if output is None:
         click.echo(report.rstrip())
-        return
-    with atomic_write(output, overwrite=overwrite) as stream:
-        stream.write(f"{report.rstrip()}\n".encode())
-    say(f"mls: {output}: {len(report.splitlines())} lines")
+    else:
+        with atomic_write(output, overwrite=overwrite) as stream:
+            stream.write(f"{report.rstrip()}\n".encode())
+        say(f"mls: {output}: {len(report.splitlines())} lines")
+    return PARTLY_READ if lost else 0
 
 
-def _quality(
-    scenes: str | None, outliers: str, seeds: str, parameters: Parameters, as_json: bool
-) -> str:
-    from mlscli.errors import UsageError
+class _Asked(NamedTuple):
+    """What --quality is asked to measure on each scene or scan, as `quality.table` takes it.
+
+    Attributes
+    ----------
+    shares : list of float
+        Probabilities of salt and pepper.
+    seeds : list of int
+        Seeds of the flights.
+    noise : Noise
+        How points are displaced otherwise.
+    parameters : Parameters
+        Those of the maps.
+    """
+
+    shares: list[float]
+    seeds: list[int]
+    noise: Noise
+    parameters: Parameters
+
+
+def _quality(scenes: str | None, asked: _Asked, as_json: bool) -> str:
     from mlscli.trials import quality
 
-    shares, numbers = _numbers("--outliers", outliers), _numbers("--seeds", seeds)
-    if not all(number.is_integer() for number in numbers):
-        raise UsageError(f"--seeds {seeds}: expected whole numbers")
     names = scenes.split(",") if scenes else quality.SCENES
     with ProgressBar() as progress:
-        rows = quality.table(names, shares, list(map(int, numbers)), parameters, progress)
+        rows = quality.table(names, **asked._asdict(), progress=progress)
     return json.dumps(quality.to_dict(rows), indent=2) if as_json else quality.to_markdown(rows)
+
+
+def _scan_quality(scans: list[Scan], features: int | None, asked: _Asked, as_json: bool) -> str:
+    from mlscli.scenes.scan_flight import FEATURES
+    from mlscli.trials import scan_quality
+
+    found = FEATURES if features is None else features
+    with ProgressBar() as progress:
+        rows = scan_quality.table(scans, **asked._asdict(), features=found, progress=progress)
+    if as_json:
+        return json.dumps(scan_quality.to_dict(rows), indent=2)
+    return scan_quality.to_markdown(rows)
+
+
+def _scans(clouds: tuple[str, ...], selection: dict[str, Any]) -> tuple[list[Scan], bool]:
+    """Return the scans in files, and whether a part of one could not be read."""
+    from mlscli.io.reading.recording import open_recording
+    from mlscli.scenes.scans import Scan
+
+    recordings = [open_recording(cloud, **selection) for cloud in clouds]
+    scans = [
+        Scan.of(cloud, read_points(recording))
+        for cloud, recording in zip(clouds, recordings, strict=True)
+    ]
+    return scans, any(recording.losses for recording in recordings)
 
 
 def _pace(
@@ -157,3 +253,12 @@ def _numbers(option: str, text: str) -> list[float]:
         return [float(part) for part in text.split(",")]
     except ValueError:
         raise UsageError(f"{option} {text}: expected numbers, separated by commas") from None
+
+
+def _seeds(text: str) -> list[int]:
+    from mlscli.errors import UsageError
+
+    numbers = _numbers("--seeds", text)
+    if not all(number.is_integer() for number in numbers):
+        raise UsageError(f"--seeds {text}: expected whole numbers")
+    return list(map(int, numbers))

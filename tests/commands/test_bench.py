@@ -6,13 +6,19 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from click.testing import CliRunner, Result
 
+from mlscli.commands.bench import command
 from mlscli.config import load
+from mlscli.errors import UsageError, with_options
 from mlscli.trials.pace import measured, parse_sizes
 from tests.helpers.program import mls
+from tests.scenes.clouds import level
 
 QUICK = ("--scenes", "planes", "--outliers", "0.1")
+PLAIN = ("--quality", "--outliers", "0", "-c", "plain", "--json")
 
 
 def test_the_report_is_a_table_or_json(tmp_path: Path) -> None:
@@ -30,6 +36,55 @@ def test_the_report_is_written_to_a_file_once(tmp_path: Path) -> None:
         assert done.returncode == status, done.stderr
         assert done.stdout == ""
     assert (tmp_path / "quality.md").read_text().startswith("## planes")
+
+
+def bench(*arguments: str) -> Result:
+    return CliRunner().invoke(command, arguments)
+
+
+def test_the_noise_asked_for_is_flown() -> None:
+    usual, exact, slam = (
+        json.loads(bench(*PLAIN, "--scenes", "planes", *noise).stdout)[0]
+        for noise in ((), ("--sigma", "0.05,0.01"), ("--noise", "slam"))
+    )
+    assert [row["unit"] for row in (usual, exact, slam)] == ["sigma", "sigma", "cell"]
+    assert 0.01 * exact["rmse"] < 0.5 * 0.05 * usual["rmse"]
+    assert usual["cell_size"] == 0.15 != slam["cell_size"]
+
+
+@pytest.fixture
+def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Write two scans into the current folder, the second one cut, their y up."""
+    x, y, z = np.vstack((level(1500, (0, 6), (0, 6), 0.0), level(300, (2, 4), (2, 4), 2.0))).T
+    turned = np.column_stack((x, z, -y))
+    np.savetxt(tmp_path / "table.txt", turned, fmt="%.17g")
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 1800\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header\n"
+    (tmp_path / "cut.ply").write_bytes(head.encode() + turned.astype("<f4").tobytes()[:-24])
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+TABLE = ("--cloud", "table.txt", "--up", "y", "--sigma", "0,0")
+
+
+@pytest.mark.usefixtures("scans")
+def test_flights_over_scans_are_scored_by_them() -> None:
+    rows = json.loads(bench(*PLAIN, *TABLE).stdout)
+    fewer = json.loads(bench(*PLAIN, *TABLE, "--features", "20").stdout)
+    assert [row["cloud"] for row in rows] == ["table.txt"]
+    # All of it is seen, and is where it is seen.
+    assert rows[0]["f"] > 0.99
+    assert fewer[0]["cell_size"] > rows[0]["cell_size"]
+    assert not bench(*PLAIN, "--cloud", "no.ply").stdout
+
+
+def test_each_scan_has_a_table_as_far_as_it_can_be_read(scans: Path) -> None:
+    done = mls("bench", *PLAIN[:-1], *TABLE, "--cloud", "cut.ply", cwd=scans)
+    assert done.returncode == 3
+    assert "cut.ply" in done.stderr
+    for name in ("table.txt", "cut.ply"):
+        assert f"## {name}\n\n| outliers | stages | cell | seen % |" in done.stdout
 
 
 def test_batches_are_timed_compared_and_drawn(tmp_path: Path) -> None:
@@ -103,3 +158,26 @@ def test_wrong_usage_is_one_line(tmp_path: Path, options: list[str], said: str) 
     assert done.returncode == 2
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--sizes", "20", "--noise", "thesis"], "--noise: goes with --quality"),
+        (["--sizes", "20", "--sigma", "1,1"], "--sigma: goes with --quality"),
+        (["--sizes", "20", "--cloud", "table.txt"], "--cloud: goes with --quality"),
+        (["--quality", "--compare", "old.json"], "--compare: goes with --sizes"),
+        (["--quality", *TABLE, "--scenes", "planes"], "--scenes: names scenes, and --cloud"),
+        (["--quality", *TABLE, "--features", "0"], "--features 0: expected 1 or more"),
+        (["--quality", *TABLE, "--seeds", "0,x"], "--seeds 0,x"),
+        (["--quality", "--features", "9"], "--features: goes with --cloud SCAN"),
+        (["--quality", "--up", "y"], "--up: goes with --cloud SCAN"),
+        (["--quality", "--sigma", "1,-1"], "--sigma 1,-1: expected two numbers"),
+    ],
+)
+@pytest.mark.usefixtures("scans")
+def test_what_does_not_go_together_is_told(options: list[str], said: str) -> None:
+    result = bench(*options)
+    assert isinstance(result.exception, UsageError)
+    assert said in with_options(str(result.exception))
+    assert result.stdout == ""
