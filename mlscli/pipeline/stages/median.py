@@ -115,6 +115,20 @@ class Median(PointStage):
         progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
         """Return the median heights of points; see `PointStage.evaluate`."""
+        height, looked = self._heights(points.xyz, cell_size, asked, progress)
+        # Only now, as the search takes memory, too.
+        xyz = points.xyz.copy()
+        xyz[:, 2] = height
+        return Evaluated(xyz, looked)
+
+    def _heights(
+        self,
+        xyz: Float64,
+        cell_size: float,
+        asked: Bool | None,
+        progress: Callable[[int], None] | None,
+    ) -> tuple[Float64, Float64]:
+        """Return the new heights of points, NaN where dropped, and how far was looked."""
         rule = Rule(
             in_units(self.nb_radius, cell_size),
             self.max_nb,
@@ -124,18 +138,16 @@ class Median(PointStage):
             float(self.min_share),
             float(self.max_slope),
         )
-        grid = PointGrid.of(points.xyz, rule.radius)
-        height = np.empty(points.size)
+        grid = PointGrid.of(xyz, rule.radius)
+        height = np.empty(len(xyz))
         which = _ALL if asked is None else asked
         looked = np.empty(len(which))
 
         def filter_points(begin: int, end: int) -> None:
             _filter(grid, *grid.columns(begin, end), rule, which, height, looked)
 
-        in_ranges(points.size, filter_points, progress)
-        xyz = points.xyz.copy()
-        xyz[:, 2] = height
-        return Evaluated(xyz, looked)
+        in_ranges(len(xyz), filter_points, progress)
+        return height, looked
 
 
 class Rule(NamedTuple):

@@ -50,8 +50,6 @@ _WINDOW = 3.0
 _MARGIN, _GROWTH = 1.4, 1.5
 # The search begins with no less than the radius divided by this.
 _NEAREST = 64
-# The mask that stands for all points.
-_ALL = np.empty(0, dtype=np.bool_)
 
 
 @dataclass(frozen=True)
@@ -107,17 +105,17 @@ class Rays(PointStage):
         progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
         """Return where points are moved to; see `PointStage.evaluate`."""
-        xyz = points.xyz.copy()
-        which = _ALL if asked is None else asked
-        looked = np.zeros(len(which))
+        looked = np.zeros(0 if asked is None else points.size)
+        if self.noise in ("auto", 0):
+            return Evaluated(points.xyz, looked)
         distance = np.sqrt((points.sight.astype(np.float64) ** 2).sum(axis=1))
-        noise = 0.0 if self.noise == "auto" else self.noise
-        sigma = np.nan_to_num(noise * distance * distance)
+        sigma = np.nan_to_num(float(self.noise) * distance * distance)
         uncertain = sigma > _LEAST * cell_size
         if asked is not None:
             uncertain &= asked
         if not uncertain.any():
-            return Evaluated(xyz, looked)
+            return Evaluated(points.xyz, looked)
+        xyz = points.xyz.copy()
         rule = Rule(
             in_units(self.depth, cell_size),
             in_units(self.radius, cell_size),

@@ -19,6 +19,7 @@ from mlscli.maps.cells import Limits
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Length
 from mlscli.runtime.arrays import Bool, Float64
+from mlscli.runtime.kernels import kernel
 
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
@@ -66,6 +67,7 @@ class Evaluated(NamedTuple):
     ----------
     xyz : float64 (N, 3)
         Where each point is placed, in the unit of the recording; a height of NaN: it is dropped.
+        An array of its own, but where all points stay as they are.
     looked : float64 (N,)
         The square of the distance up to which the stage looked for others: a point farther away in
         x and y cannot change the result. Empty where no mask of points was given.
@@ -114,7 +116,22 @@ class PointStage(Stage):
         """Return the points that stay, in their order, where the stage places them."""
         xyz = self.evaluate(points, cell_size, progress=progress).xyz
         stays = ~np.isnan(xyz[:, 2])
-        return points._replace(xyz=xyz).take(slice(None) if stays.all() else stays)
+        if stays.all():
+            return points._replace(xyz=xyz)
+        keyframe, sight = points.keyframe[stays], points.sight[stays]
+        return Points(xyz[: _close_up(xyz, stays)], keyframe, sight)
+
+
+@kernel
+def _close_up(xyz: Float64, stays: Bool) -> int:
+    """Move the points that stay to the front, which takes no memory; return how many they are."""
+    size = 0
+    for i in range(len(xyz)):
+        if stays[i]:
+            for axis in range(3):
+                xyz[size, axis] = xyz[i, axis]
+            size += 1
+    return size
 
 
 @dataclass(frozen=True)
