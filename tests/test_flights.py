@@ -59,7 +59,8 @@ def test_the_tello_flight_has_walls_levels_and_patches_of_every_origin(
     assert np.isfinite(tello_map.route[:, 1:]).all()
     assert set(tello_map.origin.tolist()) == {0, 1, 2}
     assert np.count_nonzero(tello_map.depth > 0) > 200
-    assert np.count_nonzero(np.diff(tello_map.cells.start) > 1) > 200
+    # Walls are about a cell thick: they lie under few other levels.
+    assert np.count_nonzero(np.diff(tello_map.cells.start) > 1) > 100
 
 
 @pytest.mark.parametrize("kind", ["ros1", "ros2", "mcap"])

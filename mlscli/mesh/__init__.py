@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from mlscli.errors import InputError, UsageError, expect
-from mlscli.maps import recorded
+from mlscli.maps.recorded import as_recorded as turned_back
 from mlscli.maps.surface_map import ARTIFICIAL, ORIGINS, SurfaceMap
 from mlscli.mesh.colours import COLOURS, ROUTE_GREEN, ColourBy, Paint, origin_at
 from mlscli.mesh.ground import route_on_ground
@@ -165,7 +165,7 @@ def build_mesh(
         mesh = _assemble(surface, paint, [_nodes(nodes)], depths, nodes.top)
     if not as_recorded:
         return mesh
-    return replace(mesh, vertices=recorded.as_recorded(mesh.vertices, surface.meta))
+    return replace(mesh, vertices=turned_back(mesh.vertices, surface.meta))
 
 
 def _depths(surface: SurfaceMap, nodes: Nodes) -> tuple[Nodes, Int64]:
