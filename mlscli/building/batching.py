@@ -43,8 +43,9 @@ class BatchGatherer:
         self._waiting: list[Keyframe] = []
         self._waiting_points = 0
         self._batches: list[Points] = []
-        self._routes: list[Float64] = []
-        self._routes_taken = 0
+        # Rows of the route, with room for more; and how many there are, and were taken.
+        self._route = np.empty((0, 4))
+        self._rows = self._rows_taken = 0
 
     def add(self, keyframe: Keyframe) -> bool:
         """Take a keyframe, and return whether enough points wait for a batch."""
@@ -63,7 +64,7 @@ class BatchGatherer:
         points, route = gather(self._waiting, self.keyframes)
         self.keyframes += len(self._waiting)
         self._waiting, self._waiting_points = [], 0
-        self._routes.append(route)
+        self._add_to_route(route)
         self._report.batches += 1
         inside = on_grid(points.xyz, self._cell_size)
         if not inside.all():
@@ -94,11 +95,20 @@ class BatchGatherer:
 
     def take_route(self) -> Float64:
         """Return the rows that the route gained since the last call, float64 (K, 4)."""
-        gained = np.concatenate([np.empty((0, 4)), *self._routes[self._routes_taken :]])
-        self._routes_taken = len(self._routes)
+        gained = self._route[self._rows_taken : self._rows].copy()
+        self._rows_taken = self._rows
         return gained
 
     @property
     def route(self) -> Float64:
-        """The route of all batches, float64 (K, 4), as in `SurfaceMap`."""
-        return np.concatenate([np.empty((0, 4)), *self._routes])
+        """The route of all batches, float64 (K, 4), as in `SurfaceMap`: a view."""
+        return self._route[: self._rows]
+
+    def _add_to_route(self, rows: Float64) -> None:
+        size = self._rows + len(rows)
+        if size > len(self._route):
+            longer = np.empty((2 * size, 4))
+            longer[: self._rows] = self.route
+            self._route = longer
+        self._route[self._rows : size] = rows
+        self._rows = size

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mlscli.building.builder import Follower, MapBuilder, check_workers
-from mlscli.building.depth_noise import auto_noise
+from mlscli.building.depth_noise import auto_noise, told
 from mlscli.building.sizes import fit_sizes
 from mlscli.errors import InputError, expect
 from mlscli.io.reading.recording import Recording, open_recording
@@ -137,7 +137,8 @@ def settled(
     """
     if parameters.lacks_noise:
         with report.timed("noise"):
-            parameters = parameters.with_noise(auto_noise(keyframes))
+            noise = auto_noise(keyframes)
+        parameters = parameters.with_noise(told(noise, report))
     if parameters.map.cell_size == AUTO:
         total = sum(len(keyframe.points) for keyframe in keyframes)
         with report.timed("cell size"):

@@ -250,7 +250,7 @@ class MapBuilder:
             self.parameters, self.report, self._sources, self._reading, self._turn,
             self._gatherer.keyframes, points_in(surface),
         )  # fmt: skip
-        return replace(surface, route=self._gatherer.route, meta=meta)
+        return replace(surface, route=self._gatherer.route.copy(), meta=meta)
 
 
 def _all(points: Points, cells: CellSet) -> Points:  # noqa: ARG001

@@ -14,6 +14,7 @@ import numpy as np
 
 from mlscli.geometry.surroundings import chosen
 from mlscli.keyframes.keyframe import Keyframe
+from mlscli.pipeline.report import Report
 from mlscli.runtime.arrays import Float64
 
 # Keyframes are taken together until they have so many points, as long as the craft is no farther
@@ -106,6 +107,13 @@ def auto_noise(keyframes: Iterable[Keyframe]) -> float:
     for keyframe in keyframes:
         noise.add(keyframe)
     return noise.value
+
+
+def told(noise: float, report: Report) -> float:
+    """Return the noise that was found, and tell the report if there is any."""
+    if noise:
+        report.sizes["noise"] = f"auto: a depth errs by {noise:g} times its square"
+    return noise
 
 
 def _errors(ahead: Float64, depth: Float64) -> tuple[Float64, Float64]:

@@ -20,7 +20,7 @@ import numpy as np
 from mlscli.building.batching import BatchGatherer
 from mlscli.building.build import emptied, feed
 from mlscli.building.builder import check_workers, growing_map, map_meta
-from mlscli.building.depth_noise import DepthNoise
+from mlscli.building.depth_noise import DepthNoise, told
 from mlscli.errors import InputError, UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import points_in
@@ -198,7 +198,7 @@ class _LargeMapBuilder:
             self._process_waiting()
         self._put_away()
         if self._parameters.lacks_noise:
-            self._parameters = self._parameters.with_noise(self._noise.value)
+            self._parameters = self._parameters.with_noise(told(self._noise.value, self.report))
             self._pipeline = Pipeline(self._parameters, self._pipeline.grid.frame_id, self.report)
         pipeline = self._pipeline
         pipeline.route = self._gatherer.route
@@ -217,7 +217,7 @@ class _LargeMapBuilder:
             self._parameters, self.report, self._recording.sources, self._recording.options,
             self._recording.map_from_recording, self._gatherer.keyframes, kept,
         )  # fmt: skip
-        return replace(surface, route=self._gatherer.route, meta=meta)
+        return replace(surface, route=self._gatherer.route.copy(), meta=meta)
 
     def _process_waiting(self) -> None:
         self._held += self._gatherer.close()

@@ -279,6 +279,7 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
         ),
         ("keyframes", f"{account['keyframes']:,} in {batches}, {account['mode']}"),
         *report.map_rows(account, account["sizes"]),
+        ("noise", account["sizes"].get("noise", "")),
         ("vehicle", report.craft(parameters.vehicle, account["cell_size"])),
         ("time", f"{total:.2f} s, {account['points_per_second']:,.0f} points/s"),
         ("", ", ".join(f"{what} {spent:.3f}" for what, spent in longest_first)),

@@ -6,10 +6,18 @@ correspondences or edges count; call any scatter noise of depths; depend on whic
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from mlscli.building.build import build_map
 from mlscli.building.depth_noise import auto_noise
+from mlscli.building.large import build_large
+from mlscli.config import load
+from mlscli.io.reading.recording import open_recording
+from mlscli.io.writing.flight_bag import write_bag
+from mlscli.io.writing.npz import read_map, write_map
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.noise import Noise
@@ -60,3 +68,19 @@ def test_neither_turns_nor_keyframes_cut_in_two_change_much() -> None:
     assert auto_noise(turned) == pytest.approx(noise, rel=0.05)
     halves = [Keyframe(k.points[i::2], k.stamp, k.position) for k in seen for i in (0, 1)]
     assert auto_noise(halves) == pytest.approx(noise, rel=0.25)
+
+
+def test_a_build_finds_it_and_says_so_whatever_memory_it_may_take(tmp_path: Path) -> None:
+    flown = flight("slam", 0.05)
+    write_bag(tmp_path / "flight.mcap", flown.keyframes, flown.attitudes, "mcap")
+    noise = auto_noise(open_recording(tmp_path / "flight.mcap").keyframes())
+    parameters = load(None, ["map.cell_size=0.4"])
+    surface = build_map(tmp_path / "flight.mcap", parameters)
+    assert surface.meta["parameters"]["pipeline"][0]["rays"]["noise"] == noise > 0
+    assert surface.meta["sizes"]["noise"] == f"auto: a depth errs by {noise:g} times its square"
+    with build_large(open_recording(tmp_path / "flight.mcap"), parameters, 2**31) as made:
+        assert made.surface.meta["sizes"] == surface.meta["sizes"]
+        write_map(tmp_path / "large.npz", made.surface)
+    assert read_map(tmp_path / "large.npz") == surface
+    without = load(None, ["map.cell_size=0.4", "rays.noise=0"])
+    assert surface != build_map(tmp_path / "flight.mcap", without)
