@@ -9,10 +9,12 @@ inverse depth: their standard deviation is that of a depth of 1.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from mlscli.geometry.surroundings import chosen
+from mlscli.keyframes.batches import FARTHEST
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.pipeline.report import Report
 from mlscli.runtime.arrays import Float64
@@ -43,8 +45,10 @@ class DepthNoise:
 
     def add(self, keyframe: Keyframe) -> None:
         """Take the next keyframe; only those with points and a position tell anything."""
-        if not len(keyframe.points) or not np.isfinite(keyframe.position).all():
+        inside = (np.abs(keyframe.points - keyframe.position) <= FARTHEST).all(axis=1)
+        if not inside.any():
             return
+        keyframe = replace(keyframe, points=keyframe.points[inside])
         if self._waiting and not self._is_near(keyframe):
             self._look()
         self._waiting.append(keyframe)

@@ -10,6 +10,9 @@ import numpy as np
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Bool, Float32, Float64, Int32, Int64
 
+# So far, at most, is a craft from a point in one axis.
+FARTHEST = 1e30
+
 
 class Points(NamedTuple):
     """Points on their way through the pipeline.
@@ -34,7 +37,10 @@ class Points(NamedTuple):
         """Return points (N, 3) seen from positions (N, 3), or from where is not known."""
         if position is None:
             return cls(xyz, keyframe, np.full(xyz.shape, np.nan, dtype=np.float32))
-        return cls(xyz, keyframe, (xyz - position).astype(np.float32))
+        sight = xyz - position
+        # What float32 cannot hold is no place of a craft.
+        sight[np.abs(sight) > FARTHEST] = np.nan
+        return cls(xyz, keyframe, sight.astype(np.float32))
 
     @property
     def size(self) -> int:

@@ -44,6 +44,7 @@ def test_it_is_none_where_errors_do_not_grow_with_the_depth() -> None:
     assert auto_noise(flight("slam", 0.0, wrong=0.0).keyframes) == 0.0
 
 
+@pytest.mark.filterwarnings("error")
 def test_it_is_none_where_nothing_tells() -> None:
     seen = flight("slam", 0.05).keyframes
     nowhere = [Keyframe(keyframe.points, keyframe.stamp) for keyframe in seen]
@@ -51,6 +52,10 @@ def test_it_is_none_where_nothing_tells() -> None:
     rng = np.random.default_rng(1)
     here = Keyframe(np.zeros((500, 3)), position=(0.0, 0.0, 0.0))
     assert auto_noise([here]) == 0.0
+    beyond = [Keyframe(k.points, k.stamp, (1e200, 0.0, 0.0)) for k in seen]
+    assert auto_noise(beyond) == 0.0
+    outlier = Keyframe(np.array([[1e200, 0.0, 0.0]]), 0.0, seen[0].position)
+    assert auto_noise([outlier, *seen]) == auto_noise(seen)
     shell = rng.standard_normal((5000, 3))
     shell /= np.linalg.norm(shell, axis=1)[:, None]
     shell *= 1 + rng.normal(0, 0.05, (5000, 1))

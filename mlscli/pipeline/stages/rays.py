@@ -109,7 +109,9 @@ class Rays(PointStage):
         if self.noise in ("auto", 0):
             return Evaluated(points.xyz, looked)
         distance = np.sqrt((points.sight.astype(np.float64) ** 2).sum(axis=1))
-        sigma = np.nan_to_num(float(self.noise) * distance * distance)
+        with np.errstate(over="ignore"):
+            # Of how far a point may lie, all that counts is whether it exceeds the search.
+            sigma = np.nan_to_num(float(self.noise) * distance * distance)
         uncertain = sigma > _LEAST * cell_size
         if asked is not None:
             uncertain &= asked

@@ -247,3 +247,16 @@ def built(parameters: Parameters, flight: Sequence[Keyframe]) -> SurfaceMap:
 def test_more_neighbours_than_count_cannot_be_asked_for() -> None:
     with pytest.raises(ConfigError, match=r"rays\.min_nb: 30 is above max_nb \(24\)"):
         loads("pipeline: [rays: {min_nb: 30}]")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far", [1e40, 1e200, 1e300])
+def test_a_position_beyond_reason_is_none(far: float) -> None:
+    rng = np.random.default_rng(7)
+    true, cameras = corner(rng, 400)
+    keyframe = np.zeros(400, dtype=np.int32)
+    near, beyond = (Points.of(true, keyframe, at) for at in (cameras, cameras + far))
+    assert np.isfinite(near.sight).all()
+    assert np.isnan(beyond.sight).all()
+    assert STAGE.apply(beyond, CELL).xyz.tobytes() == true.tobytes()
+    assert Rays(1e308).apply(near, CELL).size < 400
