@@ -6,13 +6,17 @@ counted.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mlscli.keyframes.batches import Points, gather
-from mlscli.keyframes.keyframe import Keyframe
+from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Keyframe
 from mlscli.maps.cells import on_grid
+from mlscli.parameters.lengths import FARTHEST
 from mlscli.pipeline.report import Report
-from mlscli.runtime.arrays import Float64
+from mlscli.runtime.arrays import Float64, frozen
+from mlscli.runtime.kernels import kernel
 
 BEYOND_GRID = "cell index beyond int32"
 
@@ -49,10 +53,24 @@ class BatchGatherer:
 
     def add(self, keyframe: Keyframe) -> bool:
         """Take a keyframe, and return whether enough points wait for a batch."""
+        self._report.points_read += len(keyframe.points)
+        keyframe = self._measured(keyframe)
         self._waiting.append(keyframe)
         self._waiting_points += len(keyframe.points)
-        self._report.points_read += len(keyframe.points)
         return self._waiting_points >= self._min_points
+
+    def _measured(self, keyframe: Keyframe) -> Keyframe:
+        """Return a keyframe without what is no measurement, -0.0 as 0.0."""
+        points = np.ascontiguousarray(keyframe.points, dtype=np.float64)
+        if not _sound(frozen(points)):
+            finite = np.isfinite(points).all(axis=1)
+            near = finite & (np.abs(points[:, 2]) <= FARTHEST)
+            self._report.drop("not finite", int(np.count_nonzero(~finite)))
+            self._report.drop("beyond 1e8", int(np.count_nonzero(finite & ~near)))
+            points = points[near] + 0.0
+        stamp = keyframe.stamp if math.isfinite(keyframe.stamp) else math.nan
+        known = np.isfinite(keyframe.position).all()
+        return Keyframe(points, stamp, keyframe.position if known else UNKNOWN_POSITION)
 
     @property
     def has_waiting(self) -> bool:
@@ -112,3 +130,15 @@ class BatchGatherer:
             self._route = longer
         self._route[self._rows : size] = rows
         self._rows = size
+
+
+@kernel
+def _sound(points: Float64) -> bool:
+    """Return whether all points are finite, none too high, and no coordinate is -0.0."""
+    sound = True
+    for i in range(len(points)):
+        sound &= abs(points[i, 2]) <= FARTHEST
+        for axis in range(3):
+            value = points[i, axis]
+            sound &= np.isfinite(value) and not (value == 0.0 and np.signbit(value))
+    return sound

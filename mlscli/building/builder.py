@@ -18,7 +18,7 @@ import numpy as np
 from mlscli.building.batching import BatchGatherer
 from mlscli.errors import UsageError, expect, expect_items
 from mlscli.keyframes.batches import Points, gather
-from mlscli.keyframes.keyframe import Keyframe
+from mlscli.keyframes.keyframe import Keyframe, require_points
 from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change, points_in
 from mlscli.maps.recorded import TURN
@@ -126,6 +126,9 @@ class MapBuilder:
     def add(self, keyframe: Keyframe) -> None:
         """Take a keyframe; a batch is processed once it has `batch.min_points` points.
 
+        Points that are not finite, or higher or lower than 1e8, are dropped; a position that is not
+        finite is not known.
+
         Raises
         ------
         UsageError
@@ -133,6 +136,7 @@ class MapBuilder:
         """
         self._require_unfinished()
         expect(keyframe, Keyframe, "keyframe", "a Keyframe; process_cloud takes points")
+        require_points(keyframe.points, "keyframe.points")
         if self._gatherer.add(keyframe):
             self._process_waiting()
 
@@ -142,7 +146,8 @@ class MapBuilder:
         Parameters
         ----------
         points : float64 (N, 3)
-            Coordinates in the map frame; points that are not finite are dropped.
+            Coordinates in the map frame. Points that are not finite, or higher or lower than 1e8,
+            are dropped.
 
         Returns
         -------
@@ -163,14 +168,8 @@ class MapBuilder:
             raise UsageError(f"`points`: found what is not numbers; expected {expected}") from None
         if cloud.size and (cloud.ndim != 2 or cloud.shape[1] != 3):
             raise UsageError(f"`points`: found an array of shape {cloud.shape}; expected (N, 3)")
-        cloud = cloud.reshape(-1, 3) + 0.0
-        finite = np.isfinite(cloud)
-        if not finite.all():
-            rows = finite.all(axis=1)
-            self.report.points_read += int(np.count_nonzero(~rows))
-            self.report.drop("not finite", int(np.count_nonzero(~rows)))
-            cloud = cloud[rows]
-        self._gatherer.add(Keyframe(cloud))
+        # A copy: the caller may go on to use the array.
+        self._gatherer.add(Keyframe(cloud.reshape(-1, 3).copy()))
         self._gatherer.close()
         return self._grow()
 

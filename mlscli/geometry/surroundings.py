@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.keyframes.keyframe import FARTHEST
+from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Float64, UInt64
 from mlscli.runtime.threads import in_ranges
 

@@ -11,9 +11,6 @@ import numpy as np
 from mlscli.errors import UsageError, expect
 from mlscli.runtime.arrays import Array, Float64
 
-FARTHEST = 1e8
-"""The greatest absolute value of a coordinate; a point with a greater one is no measurement."""
-
 UNKNOWN_POSITION = (math.nan, math.nan, math.nan)
 
 Axes: TypeAlias = Literal["camera", "body", "unknown"]

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.errors import expect
+from mlscli.errors import UsageError, expect
 from mlscli.maps.cells import pack
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import comes_later
 from mlscli.maps.patches import begins_group, distance, shape_of, within_gap
+from mlscli.maps.recorded import TURN, turns_apart
 from mlscli.maps.records import columns_of, records_of
 from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.runtime.arrays import ZERO, Array, Bool, Int64
@@ -35,7 +36,7 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     Parameters
     ----------
     one, other : SurfaceMap
-        `frame_id` and `meta` are taken from `one`.
+        Of one frame; `meta` is taken from `one`.
 
     Returns
     -------
@@ -47,11 +48,16 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     TypeError
         Where an argument is not a map.
     UsageError
-        Where cell size, gap size or thickness differ.
+        Where cell size, gap size or thickness differ, the frames have different names, or the
+        turns by which the recordings came into them (`mlscli.maps.recorded`) differ by more than a
+        rounding.
+    InputError
+        Where the meta of a map holds no turn in this place.
     """
     expect(one, SurfaceMap, "one", "a map (SurfaceMap)")
     expect(other, SurfaceMap, "other", "a map (SurfaceMap)")
     one.grid.require_same(other.grid)
+    _require_same_frame(one, other)
     shift = np.where(other.origin == MEASURED, len(one.route), 0).astype(np.int32)
     other = replace(
         other,
@@ -71,6 +77,19 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
         region=np.full(merged.size, -1, dtype=np.int32),
         route=np.concatenate((one.route, other.route)),
     )
+
+
+def _require_same_frame(one: SurfaceMap, other: SurfaceMap) -> None:
+    if one.frame_id != other.frame_id:
+        raise UsageError(
+            f"maps of different frames do not go together: {one.frame_id!r} and {other.frame_id!r}"
+        )
+    apart = turns_apart(one.meta, other.meta)
+    if apart is not None:
+        raise UsageError(
+            f"maps that were turned in different ways do not go together: their {TURN} differ by "
+            f"{apart:.3g}; build both with the same `up`"
+        )
 
 
 def with_measured(records: Array, new: Array, grid: Grid) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mlscli.maps.neighbours import is_at, onward
 from mlscli.maps.order import OccupiedCells
-from mlscli.runtime.arrays import Array, Bool, Float64, Int64, frozen
+from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, frozen
 from mlscli.runtime.kernels import inner, kernel
 
 
@@ -53,6 +53,14 @@ def reach_beyond(height: Float64, depth: Float64, top: Float64, bottom: Float64)
     rounding = 4 * np.spacing(np.maximum(np.abs(top), np.abs(bottom)))
     beyond: Bool = (height > top) | (height - depth < bottom - rounding)
     return beyond
+
+
+def overlap(ix: Int32, iy: Int32, bottom: Float64, top: Float64) -> bool:
+    """Return whether some intervals of height, float64 (P,), overlap or touch in their cell."""
+    order = np.lexsort((bottom, iy, ix))
+    ix, iy, bottom, top = ix[order], iy[order], bottom[order], top[order]
+    same = (ix[1:] == ix[:-1]) & (iy[1:] == iy[:-1])
+    return bool(np.any(same & (bottom[1:] <= top[:-1])))
 
 
 @inner

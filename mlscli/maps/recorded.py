@@ -13,7 +13,8 @@ from mlscli.runtime.arrays import Float64
 TURN = "map_from_recording"
 """The key in a map's meta of the turn after which z points up: rows of a matrix (4, 4)."""
 
-# How far the rotation of a turn may be from one, as its numbers are rounded.
+# How far the rotation of a turn may be from one, as its numbers are rounded; of a shift, this share
+# of its length.
 _ROUNDED = 1e-6
 
 
@@ -42,6 +43,23 @@ def turn_of(meta: Mapping[str, Any]) -> Float64:
     raise InputError(
         f"meta: {TURN} holds {str(meta[TURN])[:60]}; it must be a rotation and a shift, 4 rows of 4"
     )
+
+
+def turns_apart(meta: Mapping[str, Any], other: Mapping[str, Any]) -> float | None:
+    """Return by how much the turns of two maps differ at most, number by number.
+
+    None where they differ by no more than a rounding.
+
+    Raises
+    ------
+    InputError
+        As `turn_of`.
+    """
+    one, two = turn_of(meta), turn_of(other)
+    apart = np.abs(one - two)
+    allowed = np.full((4, 4), _ROUNDED)
+    allowed[:3, 3] *= max(1.0, float(np.abs(one[:3, 3]).max()), float(np.abs(two[:3, 3]).max()))
+    return float(apart.max()) if (apart > allowed).any() else None
 
 
 def as_recorded(points: Float64, meta: Mapping[str, Any]) -> Float64:

@@ -22,7 +22,8 @@ from mlscli.errors import InputError, expect
 from mlscli.maps.cells import CellSet, Limits
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
-from mlscli.maps.patches import reach_beyond
+from mlscli.maps.patches import overlap, reach_beyond
+from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt8, UInt32
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -395,6 +396,8 @@ class SurfaceMap:
             yield f"route: has dtype {self.route.dtype}; it must be float64"
         if self.route.ndim != 2 or self.route.shape[1] != 4:
             yield f"route: has shape {self.route.shape}; it must be (K, 4)"
+        if np.isinf(self.route).any():
+            yield "route: holds infinite values; what is not known is NaN"
 
     def _value_faults(self) -> Iterator[str]:
         measured = self.origin == MEASURED
@@ -403,8 +406,10 @@ class SurfaceMap:
         for name in ("height", "depth"):
             if not np.isfinite(getattr(self, name)).all():
                 yield f"{name}: is not finite everywhere"
+            if np.any(np.abs(getattr(self, name)) > 2 * FARTHEST):
+                yield f"{name}: holds values beyond {2 * FARTHEST:.0e}, which no points span"
         if np.any(self.depth < 0):
-            yield f"depth: holds {self.depth.min()!r}; it must be 0 or more"
+            yield f"depth: holds {float(self.depth.min())!r}; it must be 0 or more"
         for name in STATISTICS:
             column = getattr(self, name)
             if not np.isfinite(column[measured]).all():
@@ -418,6 +423,8 @@ class SurfaceMap:
             yield "mean: does not lie between bottom and top everywhere"
         if np.any(self.variance[measured] < 0):
             yield "variance: holds values below 0"
+        if overlap(self.ix[measured], self.iy[measured], bottom, top):
+            yield "bottom, top: measured patches of one cell overlap"
         beyond = self.beyond_points()
         if np.any(beyond & (self.moved == 0)):
             yield "height: lies beyond bottom and top of a measured patch that moved does not mark"

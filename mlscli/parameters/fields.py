@@ -132,7 +132,7 @@ class ParameterField:
         if self.low is not None:
             limits.append(f"of at least {self.low:g}")
         if self.high is not None:
-            limits.append(f"of at most {self.high:g}")
+            limits.append(f"{'and' if limits else 'of'} at most {self.high:g}")
         kinds = list(self.words)
         if bool in self.kinds:
             kinds += ["true", "false"]

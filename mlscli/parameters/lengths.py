@@ -12,6 +12,9 @@ from typing import TypeAlias
 # The whole grid, in cells: indices are int32.
 WIDEST = 2**32
 
+FARTHEST = 1e8
+"""The greatest absolute value of a coordinate; a point with a greater one is no measurement."""
+
 # Of a cell: lengths that differ by no more are the same length, written or computed otherwise.
 ALIKE = 1e-9
 

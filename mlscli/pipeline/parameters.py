@@ -45,7 +45,10 @@ class MapParameters:
     """The grid, and how the heights in a cell become patches."""
 
     cell_size: float | Literal["auto"] = parameter(
-        "auto", "side of a cell; auto: from the distances of the recording's points", above=0
+        "auto",
+        "side of a cell; auto: from the distances of the recording's points",
+        low=1e-9,
+        high=1e9,
     )
     gap_size: Length | Literal["auto"] | None = parameter(
         "auto",

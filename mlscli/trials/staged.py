@@ -19,6 +19,7 @@ from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.stages.rays import Rays
 from mlscli.pipeline.stages.stage import Stage
+from mlscli.runtime.notices import notice
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.scan_flight import ScanFlight
 from mlscli.scenes.scans import Scan
@@ -80,10 +81,13 @@ def maps_by_stage(
 ) -> Iterator[tuple[str, list[SurfaceMap]]]:
     """Yield the stage that was added last, or `NO_STAGE`, and the map of each flight.
 
-    What is ``auto`` in the parameters is found from each flight, before any stage. A stage that
-    does nothing in any of them is left out.
+    What is ``auto`` in the parameters is found from each flight, before any stage, with a notice
+    where that is doubtful. A stage that does nothing in any of them is left out.
     """
-    chosen = [settled(parameters, flight.keyframes, Report()) for flight in flights]
+    report = Report()
+    chosen = [settled(parameters, flight.keyframes, report) for flight in flights]
+    for doubt in dict.fromkeys(report.doubts):
+        notice(doubt)
     for last, names in _growing([each.pipeline for each in chosen]):
         yield (
             last,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from mlscli.building.batching import BEYOND_GRID
 from mlscli.building.build import build_map
 from mlscli.building.builder import MapBuilder
 from mlscli.config import loads
-from mlscli.errors import UsageError
+from mlscli.errors import ConfigError, UsageError
 from mlscli.io.reading.recording import open_recording
 from mlscli.keyframes.batches import Points, batches
 from mlscli.keyframes.keyframe import Keyframe
@@ -256,3 +257,51 @@ def test_what_the_reader_dropped_and_what_the_stages_dropped_are_both_told(tmp_p
     assert account["dropped"] == {"median": 1, "not finite": 1}
     assert account["read"] == account["kept"] + 2 == 402
     assert surface.frame_id == "hall"
+
+
+@pytest.mark.parametrize(
+    ("value", "axis"),
+    [*product((np.inf, -np.inf, np.nan), range(3)), (1.1e8, 2), (-1e300, 2)],
+)
+def test_a_builder_drops_what_is_no_measurement_and_says_so(value: float, axis: int) -> None:
+    points = random_points(np.random.default_rng(2), 60).xyz
+    spoilt = np.insert(points, 7, points[0], axis=0)
+    spoilt[7, axis] = value
+    given_parameters = parameters("pipeline: []")
+    sound = built([Keyframe(points)], given_parameters)
+    builder = MapBuilder(given_parameters)
+    builder.add(Keyframe(spoilt))
+    assert builder.finish() == sound
+    reason = "beyond 1e8" if np.isfinite(value) else "not finite"
+    assert builder.report.dropped == {reason: 1}
+    assert builder.report.points_read == 61
+    grown = MapBuilder(given_parameters)
+    grown.process_cloud(spoilt)
+    assert grown.finish() == sound
+    assert grown.report.dropped == {reason: 1}
+
+
+def test_zeros_have_no_sign_in_a_map_and_places_without_numbers_are_not_known() -> None:
+    points = np.array([[-0.0, 0.25, 0.0], [0.25, 0.25, -0.0], [0.25, -0.0, -0.0]])
+    given = points.copy()
+    surface = built([Keyframe(given, np.inf, (0.0, -np.inf, 1.0))], parameters("pipeline: []"))
+    assert surface == built([Keyframe(points + 0.0)], parameters("pipeline: []"))
+    assert not np.signbit(surface.height).any()
+    assert np.isnan(surface.route).all()
+    # The caller's points are the caller's.
+    assert given.tobytes() == points.tobytes()
+
+
+def test_a_keyframe_must_hold_points() -> None:
+    wrong: Any = np.zeros((6, 4))
+    with pytest.raises(UsageError, match=r"`keyframe.points`: has shape \(6, 4\)"):
+        MapBuilder(parameters("pipeline: []")).add(Keyframe(wrong))
+    for rows in (6, 3, 4):
+        with pytest.raises(UsageError, match=rf"`points`: found an array of shape \({rows}, 4\)"):
+            MapBuilder(parameters("pipeline: []")).process_cloud(np.zeros((rows, 4)))
+
+
+@pytest.mark.parametrize("cell_size", [5e-324, 1e-300, 1e200, 1e300])
+def test_cells_that_no_arithmetic_holds_are_refused(cell_size: float) -> None:
+    with pytest.raises(ConfigError, match=r"map\.cell_size: found .* at least 1e-09"):
+        MapBuilder(Parameters().with_cell_size(cell_size))

@@ -22,8 +22,8 @@ from tests.helpers.faults import faults_of, only_fault_of
 @pytest.mark.parametrize(
     ("text", "right"),
     [
-        ("map: {cell_size: 0}", "auto or a number above 0"),
-        ("map: {cell_size: 2 cells}", "auto or a number above 0"),
+        ("map: {cell_size: 0}", "auto or a number of at least 1e-09 and at most 1e+09"),
+        ("map: {cell_size: 2 cells}", "auto or a number of at least 1e-09 and at most 1e+09"),
         ("vehicle: {width: 0}", "a length above 0, as a number or N cells"),
         ("batch: {min_points: 0}", "a whole number of at least 1"),
         ("mode: sequental", "consistent or sequential"),
@@ -65,7 +65,7 @@ FAULTS = [
     ("2:1", "vehicel", "did you mean vehicle?"),
     ("3:18", "vehicle.width", "above 0"),
     ("3:22", "vehicle.heigth", "did you mean height?"),
-    ("4:18", "map.cell_size", "auto or a number above 0"),
+    ("4:18", "map.cell_size", "auto or a number of at least 1e-09 and at most 1e+09"),
     ("4:37", "map.gap_size", "found 'on'"),
     ("5:1", "on", "unknown key"),
     ("6:1", "map", "first in line 4"),

@@ -172,12 +172,36 @@ FAULTS: dict[str, dict[str, Any]] = {
     "last_keyframe": {"last_keyframe": np.array([3, 99, -1], dtype=np.int32)},
     "route": {"route": np.zeros((7, 3))},
 }
+FAULTS_BY_WORDS: dict[str, dict[str, Any]] = {
+    r"height: holds values beyond 2e\+08": {"height": np.array([1.0, 3.0, 1e300])},
+    r"depth: holds values beyond 2e\+08": {"depth": np.array([0.0, 1e300, 0.0])},
+    r"depth: holds -0\.5; it must": FAULTS["depth"],
+    r"route: holds infinite values": {"route": np.full((7, 4), -np.inf)},
+}
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_check_names_the_array_at_fault(name: str) -> None:
     with pytest.raises(InputError, match=rf"^{name}\b"):
         replace(a_map(), **FAULTS[name]).check()
+
+
+@pytest.mark.parametrize("words", FAULTS_BY_WORDS)
+def test_a_check_says_what_is_wrong(words: str) -> None:
+    with pytest.raises(InputError, match=f"^{words}"):
+        replace(a_map(), **FAULTS_BY_WORDS[words]).check()
+
+
+def test_measured_patches_of_a_cell_may_not_overlap() -> None:
+    twice = [Patch(0, 0, 1.0, 0.0, 0, 3), Patch(0, 0, 1.0, 0.0, 0, 3)]
+    within = [Patch(0, 0, 1.0, 0.0, 0, 3), Patch(0, 0, 2.0, 1.5, 0, 3)]
+    for patches in (twice, within):
+        with pytest.raises(InputError, match=r"^bottom, top: .* of one cell overlap"):
+            map_of(patches).check()
+        apart = [patches[0], patches[1]._replace(ix=1)]
+        map_of(apart).check()
+        inserted = [patches[0], patches[1]._replace(origin=1, count=0)]
+        map_of(inserted).check()
 
 
 BEYOND: list[dict[str, Any]] = [
@@ -230,7 +254,7 @@ def test_a_check_finds_patches_out_of_order() -> None:
 
 
 def test_patches_are_sorted_by_every_key_in_turn() -> None:
-    rows = [Patch(0, 5, 2.0, 0.0, 0, 3), Patch(1, 0, 1.0, 0.0, 0, 3), Patch(1, 0, 1.0, 0.5, 0, 3)]
+    rows = [Patch(0, 5, 2.0, 0.0, 0, 3), Patch(1, 0, 1.0, 0.0, 1, 0), Patch(1, 0, 1.0, 0.5, 0, 3)]
     map_of(rows).check()
     for order in ([1, 0, 2], [0, 2, 1], [1, 2, 0]):
         with pytest.raises(InputError, match="sorted"):

@@ -9,11 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mlscli.errors import UsageError
 from mlscli.keyframes.batches import Points
 from mlscli.maps.grid import Grid
 from mlscli.maps.merging import merge_maps
+from mlscli.maps.recorded import TURN
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Bool
@@ -185,3 +187,31 @@ def test_of_two_maps_each_deletes_what_the_other_inserted_near_its_measurements(
     for merged in (merge_maps(found, guessed), merge_maps(guessed, found)):
         assert merged.origin.tolist() == [0]
         assert merged.region.tolist() == [-1]
+
+
+def test_maps_of_different_frames_are_not_merged() -> None:
+    one = map_of([Patch(0, 0, 1.0, 0.0, 0, 5)])
+    other = replace(one, frame_id="odom")
+    with pytest.raises(UsageError, match="different frames do not go together: 'map' and 'odom'"):
+        merge_maps(one, other)
+    merged = merge_maps(other, other)
+    assert (merged.frame_id, merged.count.tolist()) == ("odom", [10])
+
+
+def test_maps_turned_in_different_ways_are_not_merged() -> None:
+    one = map_of([Patch(0, 0, 1.0, 0.0, 0, 5)])
+
+    def turned(degrees: float, east: float) -> SurfaceMap:
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
+        turn[0, 3] = east
+        return replace(one, meta={TURN: turn.tolist()})
+
+    for other in (one, turned(0, 0), turned(1e-6, 0)):
+        assert merge_maps(turned(0, 0), other).count.tolist() == [10]
+    # A shift is rounded in proportion to its length.
+    assert merge_maps(turned(90, 5e5), turned(90, 5e5 + 1e-2)).meta == turned(90, 5e5).meta
+    for mine, other in ((one, turned(90, 0)), (turned(90, 5e5), turned(90, 5e5 + 1))):
+        for pair in ((mine, other), (other, mine)):
+            with pytest.raises(UsageError, match="map_from_recording differ by 1; build both with"):
+                merge_maps(*pair)

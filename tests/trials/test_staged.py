@@ -18,6 +18,7 @@ from mlscli.config import loads
 from mlscli.errors import UsageError
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
+from mlscli.runtime.notices import hear
 from mlscli.scenes.flight import Flight
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.surfaces import Scatter
@@ -136,3 +137,12 @@ def test_the_report_has_a_table_for_each_site_and_names_what_is_worse() -> None:
         "- median: a with 10% outliers",
     ]
     assert as_markdown(lines[2:], ("x", "y"), "scan").endswith("scan worse\n\nNone.\n")
+
+
+def test_a_size_beyond_reason_is_doubted_once() -> None:
+    told: list[str] = []
+    hear(told.append)
+    rough = over_planes(1, Noise("thesis", Scatter(0.5, 0.5)))
+    next(maps_by_stage([rough, rough], loads("pipeline: [median]")))
+    assert [line for line in told if "finer than the noise" in line] == told
+    assert len(told) == 1

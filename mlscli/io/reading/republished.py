@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.geometry.surroundings import chosen, fit_planes
-from mlscli.keyframes.keyframe import FARTHEST
+from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64, Int64
 
 # How many messages are sampled at most, how many points of each are kept, and of how many a slab

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from mlscli.io.reading.tally import NO_RETURN, REPEATED, Tally
-from mlscli.keyframes.keyframe import FARTHEST
+from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64
 
 if TYPE_CHECKING:
