@@ -53,13 +53,16 @@ class PointFile(ABC):
     ----------
     path : Path
         Read when its content is first asked for.
+    notes : sequence of str
+        What the user should know about how it was found.
     """
 
     kind: str
     frame_id = ""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, notes: Sequence[str] = ()) -> None:
         self.path = path
+        self._found = notes
 
     @abstractmethod
     def _read(self) -> Content:
@@ -73,7 +76,7 @@ class PointFile(ABC):
     @property
     def notes(self) -> Sequence[str]:
         """What the user should know about how it is read."""
-        return self._content.notes
+        return [*self._found, *self._content.notes]
 
     @property
     def losses(self) -> Sequence[str]:

@@ -1,17 +1,21 @@
 """ROS 2 bags: folders of SQLite or MCAP files, with or without a `metadata.yaml`.
 
-The files decide what there is; the metadata give the order of their recording and what they should
-hold. A recording may be split into several files. A file that is compressed as a whole is
-decompressed into a temporary folder when it is opened, and again when its messages are due.
+The metadata say which files are meant, in the order of their recording, and what they should hold;
+the files decide what there is. A recording may be split into several files. One that the metadata
+do not name belongs to it if it goes on where they end, as after a crash, or if one that they name
+is missing; but a copy, which holds messages that are there already, never does. A file that is
+compressed as a whole is decompressed into a temporary folder when it is opened, and again when its
+messages are due.
 """
 
 from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -28,8 +32,10 @@ from mlscli.io.ros import METADATA_FILE
 
 Storage: TypeAlias = SqliteFile | McapFile
 
-_NUMBER = re.compile(r"(?:_\d+)?\.(?:db3|mcap)$")
+_NUMBER = re.compile(r"(?:_(\d+))?\.(?:db3|mcap)$")
 _COMPRESSED = re.compile(r"\.zstd?$")
+# So many messages of a file are looked for in others.
+_LOOKED_FOR = 20
 
 
 class Ros2Bag:
@@ -55,16 +61,26 @@ class Ros2Bag:
         self._parts: list[_BagFile] = []
         metadata = Metadata()
         faults: list[str] = []
-        files = [path]
+        files, others = [path], list[Path]()
         if path.is_dir():
             metadata = Metadata.read(path, self.notes)
-            files = self._files(metadata, self._listing())
-        for file in files:
+            files, others = self._files(metadata, self._listing())
+        for file in (*files, *others):
             try:
-                self._parts.append(_BagFile.open(file))
+                part = _BagFile.open(file)
             except InputError as error:
                 faults.append(str(error))
                 self._lose(file.name, metadata, f"{file.name} cannot be read")
+                continue
+            of = f", which {METADATA_FILE} does not name," if file in others else ""
+            if (len(files) > 1 or of) and part.repeats(self._parts):
+                self.notes.append(
+                    f"{path}: {file.name}{of} is not read: its messages are those of other files"
+                )
+                continue
+            if of:
+                self.notes.append(f"{path}: {METADATA_FILE} does not name {file.name}; it is read")
+            self._parts.append(part)
         if not self._parts:
             raise InputError(faults[0] if faults else self._nothing())
         channels = {(at, c): c for at, part in enumerate(self._parts) for c in part.channels}
@@ -115,14 +131,17 @@ class Ros2Bag:
 
     def _listing(self) -> dict[str, Path]:
         try:
-            return {path.name: path for path in sorted(self.path.iterdir(), key=_by_number)}
+            # Hidden files are none of a bag's: macOS puts them beside those that it copies.
+            seen = (path for path in self.path.iterdir() if not path.name.startswith("."))
+            return {path.name: path for path in sorted(seen, key=_by_number)}
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
-    def _files(self, metadata: Metadata, there: dict[str, Path]) -> list[Path]:
-        """Return the files to read: those that the metadata name, in their order, then all others.
+    def _files(self, metadata: Metadata, there: dict[str, Path]) -> tuple[list[Path], list[Path]]:
+        """Return the files that the metadata name, in their order, and others that may belong.
 
-        A file that is named may also be there compressed, or decompressed.
+        A file that is named may also be there compressed, or decompressed. Without metadata all
+        files count as named. Of others, a note tells those that are left out.
 
         Raises
         ------
@@ -130,29 +149,38 @@ class Ros2Bag:
             There are no metadata, and the names of the files are those of several recordings.
         """
         files: dict[str, Path] = {}
+        missing = False
         for name in metadata.files:
             plain = _COMPRESSED.sub("", name)
             alike = [n for n in (name, plain, f"{plain}.zstd", f"{plain}.zst") if n in there]
             if alike:
                 files.setdefault(plain, there[alike[0]])
             else:
+                missing = True
                 self._lose(name, metadata, f"{METADATA_FILE} names {name}, which is missing")
         others = {
             plain: path
             for name, path in there.items()
             if STORAGE.search(name) and (plain := _COMPRESSED.sub("", name)) not in files
         }
-        if not metadata.files and len({_NUMBER.sub("", name) for name in others}) > 1:
-            raise InputError(
-                f"{self.path}: holds {', '.join(path.name for path in others.values())} and no "
-                f"{METADATA_FILE} that makes them one recording; name one of them"
-            )
-        if others and metadata.files:
-            names = ", ".join(path.name for path in others.values())
+        if not metadata.files:
+            if len({_NUMBER.sub("", name) for name in others}) > 1:
+                raise InputError(
+                    f"{self.path}: holds {', '.join(path.name for path in others.values())} and no "
+                    f"{METADATA_FILE} that makes them one recording; name one of them"
+                )
+            return list(others.values()), []
+        last = {_NUMBER.sub("", name): _number(name) for name in sorted(files, key=_number)}
+        going_on = {
+            name: path
+            for name, path in others.items()
+            if missing or _number(name) > last.get(_NUMBER.sub("", name), _number(name))
+        }
+        if left := [path.name for name, path in others.items() if name not in going_on]:
             self.notes.append(
-                f"{self.path}: {METADATA_FILE} does not name {names}; read all the same"
+                f"{self.path}: not read: {', '.join(left)}, which {METADATA_FILE} does not name"
             )
-        return [*files.values(), *others.values()]
+        return list(files.values()), list(going_on.values())
 
     def _lose(self, name: str, metadata: Metadata, reason: str) -> None:
         declared = metadata.files.get(name)
@@ -237,6 +265,31 @@ class _BagFile:
                 ) from error
             yield _open_storage(plain, self.path)
 
+    def repeats(self, others: Iterable[_BagFile]) -> bool:
+        """Return whether its first messages are also in the others: same topic, time and size.
+
+        Files whose times lie apart need not be read for that.
+        """
+        alike = [part for part in others if self.span and part.span and self._overlaps(part)]
+        if not alike:
+            return False
+        with self.opened() as storage:
+            first = {_identity(message) for message in islice(storage.messages(), _LOOKED_FOR)}
+        if not first:
+            return False
+        latest = max(time for _, time, _ in first)
+        for part in alike:
+            with part.opened() as storage:
+                for message in storage.messages({topic for topic, _, _ in first}):
+                    if message.log_time > latest:
+                        break
+                    first.discard(_identity(message))
+        return not first
+
+    def _overlaps(self, other: _BagFile) -> bool:
+        (begin, end), (other_begin, other_end) = self.span or (0, 0), other.span or (0, 0)
+        return begin <= other_end and other_begin <= end
+
     def take_losses(self, storage: Storage) -> None:
         self.losses = storage.losses or ([f"{self.path}: {self.fault}"] if self.fault else [])
 
@@ -256,6 +309,16 @@ def _open_storage(path: Path, name: Path | None = None) -> Storage:
         return McapFile(path, name)
     found = f"begins with {head!r}" if head else "is empty"
     raise InputError(f"{name or path}: {found}, expected SQLite or MCAP, as ROS 2 bags hold")
+
+
+def _identity(message: Message) -> tuple[str, int, int]:
+    return message.channel.topic, message.log_time, len(message.data)
+
+
+def _number(name: str) -> int:
+    """Return the number of a file of a bag by its name; 0 where it has none."""
+    found = _NUMBER.search(name)
+    return int(found[1] or 0) if found else 0
 
 
 def _head(path: Path) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -87,7 +87,9 @@ def _open_messages(path: Path, reading: Reading) -> Source:
     from mlscli.io.containers.opening import open_container
     from mlscli.io.messages.topic import TopicSource
 
-    return TopicSource(open_container(path), reading.topic, reading.clock)
+    # The metadata of a bag stand for their folder.
+    container = open_container(path.parent if path.name == METADATA_FILE else path)
+    return TopicSource(container, reading.topic, reading.clock)
 
 
 def _open_text(path: Path, reading: Reading) -> Source:
@@ -105,40 +107,71 @@ def _open_colmap(path: Path, _: Reading) -> Source:
             f"{path}: holds {len(models)} COLMAP models, each in a frame of its own; name one: "
             f"{', '.join(map(str, models[:5]))}{', ...' if len(models) > 5 else ''}"
         )
-    return ColmapModel(models[0])
+    return ColmapModel(models[0], _others_beside(path, models[0]))
 
 
 def _open_opensfm(path: Path, _: Reading) -> Source:
     from mlscli.io.clouds.opensfm import OpenSfmReconstruction
 
-    return OpenSfmReconstruction(_reconstructions(path)[0])
+    taken, *others = _reconstructions(path)
+    return OpenSfmReconstruction(taken, _not_taken(path, taken, others))
 
 
-def _is_ros2_folder(path: Path) -> bool:
-    """Return whether a path is a folder with the metadata or message files of a ROS 2 bag."""
+def _is_ros2_folder(path: Path, head: bytes) -> bool:
+    """Return whether a path is a folder with what a ROS 2 bag has, or the metadata of one."""
     if not path.is_dir():
-        return False
+        return path.name == METADATA_FILE and b"rosbag2_bagfile_information" in head
     return any(c.name == METADATA_FILE or STORAGE.search(c.name) for c in path.iterdir())
 
 
+_POINTS = ("points3D.bin", "points3D.txt")
+_BESIDE_POINTS = tuple(f"{part}.bin" for part in ("images", "cameras", "frames", "rigs"))
+
+
 def _colmap_models(path: Path) -> list[Path]:
-    """Return the COLMAP models at a path: a file of points, a folder, or those of a project.
+    """Return the COLMAP models at a path: a file of one, its folder, or those of a project.
 
     The files are recognised by name, as the binary ones have no magic; a text file also by its
-    first comment.
+    first comment. A model in a folder itself comes before those in folders of it, those whose
+    names are numbers before others, and a project's before those in its folder `sparse`.
     """
     if path.is_file():
-        by_name = path.name in ("points3D.bin", "points3D.txt")
+        if path.name in _BESIDE_POINTS and _is_model(path.parent):
+            return [path.parent]
+        by_name = path.name in _POINTS
         return [path] if by_name or _starting(b"# 3D point list")(path, _head(path)) else []
     for folder in (path, path / "sparse"):
-        if any((folder / name).is_file() for name in ("points3D.bin", "points3D.txt")):
+        if _is_model(folder):
             return [folder]
-        if folder.is_dir():
-            numbered = sorted(child for child in folder.iterdir() if child.name.isdigit())
-            models = [model for child in numbered for model in _colmap_models(child)]
-            if models:
-                return models
+        below = _models_below(folder)
+        if models := [model for model in below if model.name.isdigit()] or below:
+            return models
     return []
+
+
+def _is_model(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in _POINTS)
+
+
+def _models_below(folder: Path) -> list[Path]:
+    return sorted(filter(_is_model, folder.iterdir())) if folder.is_dir() else []
+
+
+def _others_beside(path: Path, taken: Path) -> list[str]:
+    """Return a note of the models at a path that are not taken, if there are any."""
+    if path.is_file():
+        return []
+    there = [m for folder in (path, path / "sparse") for m in (folder, *_models_below(folder))]
+    others = [model for model in there if model != taken and _is_model(model)]
+    return _not_taken(path, taken, list(dict.fromkeys(others)))
+
+
+def _not_taken(path: Path, taken: Path, others: Sequence[Path]) -> list[str]:
+    """Return a note that says which of the things at a path are not taken, if any."""
+    if not others:
+        return []
+    listed = ", ".join(map(str, others[:5])) + (", ..." if len(others) > 5 else "")
+    return [f"{path}: taken is {taken}; not taken: {listed}, in frames of their own"]
 
 
 def _reconstructions(path: Path) -> list[Path]:
@@ -168,7 +201,7 @@ FORMATS = (
     ),
     Format(
         "ROS 2 bag",
-        lambda path, _: _is_ros2_folder(path),
+        _is_ros2_folder,
         _open_messages,
         listed="ROS 2 bags (a folder with metadata.yaml, .db3, .mcap)",
     ),

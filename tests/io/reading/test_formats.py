@@ -1,0 +1,95 @@
+"""What is meant by a folder, or by one of its files, and what is said of what was not taken.
+
+How these tests could be cheated: by the first model that is found, by notes that are there always,
+or by taking any file called metadata.yaml for a bag. So models differ, what lies alone gives no
+note, and other files of these names are refused.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mlscli.errors import InputError
+from mlscli.io.reading.formats import open_source
+from mlscli.io.reading.recording import open_recording
+from mlscli.io.source import Source
+from tests.helpers.craft import POINTS as SEEN
+from tests.helpers.craft import cloud, write_told
+from tests.io.clouds.test_colmap import IMAGES, POINTS, write_binary, write_text
+from tests.io.clouds.test_opensfm import write as write_opensfm
+
+
+def choices(source: Source) -> list[str]:
+    """Return the notes on what was chosen."""
+    return [note for note in source.notes if "taken is" in note]
+
+
+def test_the_metadata_of_a_bag_stand_for_the_bag(tmp_path: Path) -> None:
+    folder = write_told(tmp_path / "flight", [cloud(1, "map")], "ros2")
+
+    (keyframe,) = open_recording(folder / "metadata.yaml")
+
+    assert keyframe.points.tolist() == SEEN.tolist()
+
+
+def test_metadata_of_something_else_are_no_bag(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("title: a flight\n")
+
+    with pytest.raises(InputError, match="found 'title: a flight' before the first point"):
+        list(open_recording(tmp_path / "metadata.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("taken", "other"),
+    [
+        ("sparse", "sparse/0"),
+        ("sparse", "sparse/aligned"),
+        ("sparse/0", "sparse/aligned"),
+        (".", "sparse"),
+        (".", "sparse/0"),
+        ("0", "sparse"),
+        ("sparse/model", ""),
+    ],
+)
+def test_models_that_are_not_taken_are_named(tmp_path: Path, taken: str, other: str) -> None:
+    write_binary(tmp_path / taken, IMAGES, POINTS)
+    if other:
+        write_text(tmp_path / other, None, POINTS[:2])
+
+    source = open_source(tmp_path)
+
+    assert sum(len(cloud.points) for cloud in source.clouds()) == len(POINTS)
+    if other:
+        (note,) = choices(source)
+        assert f"taken is {tmp_path / taken}; not taken: {tmp_path / other}, " in note
+    else:
+        assert not choices(source)
+
+
+def test_a_model_that_is_named_itself_gives_no_note(tmp_path: Path) -> None:
+    write_binary(tmp_path / "sparse", IMAGES, POINTS)
+    write_binary(tmp_path / "sparse/0", IMAGES, POINTS)
+
+    assert not choices(open_source(tmp_path / "sparse/0"))
+    assert not choices(open_source(tmp_path / "sparse/points3D.bin"))
+
+
+@pytest.mark.parametrize("name", ["images.bin", "cameras.bin"])
+def test_another_file_of_a_model_leads_to_it(tmp_path: Path, name: str) -> None:
+    write_binary(tmp_path, IMAGES, POINTS)
+    (tmp_path / "cameras.bin").write_bytes(bytes(8))
+
+    assert sum(len(cloud.points) for cloud in open_source(tmp_path / name).clouds()) == len(POINTS)
+
+
+def test_of_two_reconstructions_of_a_project_one_is_taken_and_the_other_named(
+    tmp_path: Path,
+) -> None:
+    assert not choices(open_source(write_opensfm(tmp_path)))
+    other = write_opensfm(tmp_path / "opensfm")
+
+    (note,) = choices(open_source(tmp_path))
+
+    assert f"not taken: {other}" in note
