@@ -15,8 +15,9 @@ from mlscli.errors import InputError
 from mlscli.io.reading.formats import open_source
 from mlscli.io.reading.recording import open_recording
 from mlscli.io.source import Source
+from tests.helpers.bags import write_told
 from tests.helpers.craft import POINTS as SEEN
-from tests.helpers.craft import cloud, write_told
+from tests.helpers.craft import cloud
 from tests.io.clouds.test_colmap import IMAGES, POINTS, write_binary, write_text
 from tests.io.clouds.test_opensfm import write as write_opensfm
 
