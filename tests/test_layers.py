@@ -25,7 +25,7 @@ FLOORS = (
     ("errors", "version"),
     ("parameters", "runtime"),
     ("keyframes", "maps"),
-    ("geometry", "io", "mesh", "pipeline.stages"),
+    ("geometry", "io", "io.plausibility", "mesh", "pipeline.stages"),
     ("io.clouds", "io.containers", "io.writing", "pipeline"),
     ("config", "io.messages", "pipeline.tilewise", "scoring", "view"),
     ("io.reading", "plot", "scenes"),

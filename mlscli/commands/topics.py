@@ -9,20 +9,21 @@ from mlscli.errors import with_options
 
 if TYPE_CHECKING:
     from mlscli.geometry.transforms import TransformTree
-    from mlscli.io.source import Source, Topic
+    from mlscli.io.messages.topic import TopicSource
+    from mlscli.io.source import Topic
 
 # Time to read transforms: enough for an hour of them in a bag without images.
 _LOOK_SECONDS = 5.0
 
 
-def describe(source: Source) -> dict[str, Any]:
+def describe(source: TopicSource) -> dict[str, Any]:
     """Return topics and their use, frames, notes and losses of a recording, ready for JSON."""
     from mlscli.io.reading.frames import read_tree, why_not_mapped
     from mlscli.io.reading.glance import Glance
 
     glance = Glance(seconds=_LOOK_SECONDS)
     tree = read_tree([glance.of(source)])
-    notes = [with_options(note) for note in source.notes]
+    notes = [with_options(note) for note in (*source.notes, *source.first_doubts)]
     if glance.poses_cut:
         notes.append(
             f"frames and what leads to them: by the transforms read in {_LOOK_SECONDS:g} s"

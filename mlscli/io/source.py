@@ -218,7 +218,10 @@ class Source(Protocol):
 
 def keyframe_field(names: Container[str]) -> str | None:
     """Return the first of `KEYFRAME_FIELDS` that is among the names; None where none is."""
-    return next((name for name in KEYFRAME_FIELDS if name in names), None)
+    for name in KEYFRAME_FIELDS:
+        if name in names:
+            return name
+    return None
 
 
 def side_by_side(columns: Sequence[Array]) -> Float64:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,12 +24,16 @@ POINT_CLOUD = "sensor_msgs/msg/PointCloud"
 
 @dataclass(frozen=True, eq=False)
 class Sent:
-    """A cloud to be written as one message."""
+    """A cloud to be written as one message.
+
+    `changes` are fields of a PointCloud2 that contradict the points.
+    """
 
     points: Float64
     nanoseconds: int = 0
     labels: Sequence[int] | None = None
     frame_id: str = "map"
+    changes: Mapping[str, Any] = field(default_factory=dict)
 
 
 def write_bag(
@@ -89,32 +93,33 @@ def _point_cloud(types: Any, header: object, sent: Sent, label_name: str) -> obj
 def _point_cloud_2(
     types: Any, header: object, sent: Sent, dtype: np.dtype[Any], label_name: str
 ) -> object:
-    field = types["sensor_msgs/msg/PointField"]
+    named = types["sensor_msgs/msg/PointField"]
     number = {4: 7, 8: 8}[dtype.itemsize]
     step = 3 * dtype.itemsize + 4
     fields = [
-        field(name=name, offset=axis * dtype.itemsize, datatype=number, count=1)
+        named(name=name, offset=axis * dtype.itemsize, datatype=number, count=1)
         for axis, name in enumerate("xyz")
     ]
     if sent.labels is not None:
-        fields.append(field(name=label_name, offset=step - 4, datatype=6, count=1))
+        fields.append(named(name=label_name, offset=step - 4, datatype=6, count=1))
     labels = sent.labels if sent.labels is not None else [0] * len(sent.points)
     layout = f"{dtype.byteorder}3{dtype.char}I".replace("=", "<")
     data = b"".join(
         struct.pack(layout, *point, label)
         for point, label in zip(sent.points.tolist(), labels, strict=True)
     )
-    return types[POINT_CLOUD_2](
-        header=header,
-        height=1,
-        width=len(sent.points),
-        fields=fields,
-        is_bigendian=dtype.byteorder == ">",
-        point_step=step,
-        row_step=step * len(sent.points),
-        data=np.frombuffer(data, dtype=np.uint8),
-        is_dense=False,
-    )
+    content = {
+        "header": header,
+        "height": 1,
+        "width": len(sent.points),
+        "fields": fields,
+        "is_bigendian": dtype.byteorder == ">",
+        "point_step": step,
+        "row_step": step * len(sent.points),
+        "data": np.frombuffer(data, dtype=np.uint8),
+        "is_dense": False,
+    }
+    return types[POINT_CLOUD_2](**content | dict(sent.changes))
 
 
 class Told(NamedTuple):

@@ -38,6 +38,10 @@ class CloudPart(NamedTuple):
         Time in seconds; NaN where none is stated.
     skipped : int
         Number of markers that hold no points, such as text.
+    doubts : tuple of str
+        What of the message contradicts its data, and what counts instead; see `Finding.note`.
+    unmeasured : tuple of (str, int)
+        Why points are NaN, and how many; those of which nothing more is known are left out.
     """
 
     points: Float64
@@ -45,6 +49,8 @@ class CloudPart(NamedTuple):
     frame_id: str = ""
     stamp: float = math.nan
     skipped: int = 0
+    doubts: tuple[str, ...] = ()
+    unmeasured: tuple[tuple[str, int], ...] = ()
 
     def split(self) -> list[Float64]:
         """Return the points (N, 3) of each keyframe, in order of first appearance."""

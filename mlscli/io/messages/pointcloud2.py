@@ -8,15 +8,27 @@ steps and the byte order mean.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of
+from mlscli.io.plausibility.layouts import Layout, layout_of
+from mlscli.io.plausibility.readings import likelier, looks_right, sample
 from mlscli.io.ros import DATATYPES
 from mlscli.io.source import keyframe_field, side_by_side
 from mlscli.runtime.arrays import Array, Float64
+
+_SWAPPED = (
+    "is_bigendian is not set, but the data is big-endian, and is read so",
+    "is_bigendian is set, but the data is little-endian, and is read so",
+)
+_NAMES = {"x", "y", "z"}
+_FLOATS = {"f4": 4, "f8": 8}
+_dtype = cache(np.dtype)
+_UNTOLD = "is_bigendian is set, and the data does not tell whether it is right; it is followed"
 
 
 class PointField(NamedTuple):
@@ -73,25 +85,68 @@ class Packed(NamedTuple):
         MalformedCloudError
             A coordinate is missing, a field extends beyond its point, or its datatype is not known.
         """
-        absent = [name for name in "xyz" if name not in self.fields]
+        points = side_by_side([self._view(name) for name in self._names()])
+        name = keyframe_field(self.fields)
+        return points, None if name is None else self._view(name).reshape(-1)
+
+    def judged(self) -> tuple[Float64, Array | None, str]:
+        """Return points and keyframes, in the byte order that the data has, and what is doubted.
+
+        Raises
+        ------
+        MalformedCloudError
+            As for `unpack`.
+        """
+        points, keyframes = self.unpack()
+        if self._looks_right(len(points)):
+            return points, keyframes, ""
+        flagged = self.order == ">"
+        other = self._replace(order="<" if flagged else ">")
+        some = sample(points)
+        rows, columns = np.unravel_index(some, self.shape)
+        swapped = side_by_side([other._view(name)[rows, columns] for name in self._names()])
+        found = likelier(points[some], [swapped])
+        if found == 0:
+            return *other.unpack(), _SWAPPED[flagged]
+        return points, keyframes, _UNTOLD if found is None and flagged else ""
+
+    def _looks_right(self, count: int) -> bool:
+        """Return whether coordinates look right as they were read; False: look closer."""
+        x, y, z = (self.fields[name] for name in self._names())
+        size = _FLOATS.get(self.datatypes[x.datatype])
+        if size is None or not x.datatype == y.datatype == z.datatype:
+            return False
+        row_step, point_step = self.strides
+        if row_step != self.shape[1] * point_step:
+            # Rows with gaps: the first one tells enough.
+            count = self.shape[1]
+        top = size - 1 if self.order == "<" else 0
+        tops = (x.offset + top, y.offset + top, z.offset + top)
+        return looks_right(self.data, tops, point_step, count, size)
+
+    def _names(self) -> Sequence[str]:
+        """Return the names of the coordinates x, y, z among the fields."""
+        if self.fields.keys() >= _NAMES:
+            return "xyz"
+        # The case of a name does not matter where nothing else fits.
+        by_case = {name.lower(): name for name in reversed(list(self.fields))}
+        absent = [name for name in "xyz" if name not in by_case]
         if absent:
             raise MalformedCloudError(
                 f"no field {', '.join(absent)}, expected x, y and z beside "
                 f"{', '.join(self.fields) or 'none'}"
             )
-        points = side_by_side([self._view(name) for name in "xyz"])
-        name = keyframe_field(self.fields)
-        return points, None if name is None else self._view(name).reshape(-1)
+        return [by_case[name] for name in "xyz"]
 
     def _view(self, name: str) -> Array:
         """Return the values of a field, (rows, points), without copying them."""
-        offset, datatype = self.fields[name]
+        offset, datatype = self.fields[name].offset, self.fields[name].datatype
         if datatype not in self.datatypes:
             raise MalformedCloudError(
                 f"field {name} has datatype {datatype}, expected "
                 f"{min(self.datatypes)}-{max(self.datatypes)}"
             )
-        dtype = np.dtype(self.order + self.datatypes[datatype])
+        dtype = _dtype(self.order + self.datatypes[datatype])
         if not 0 <= offset <= self.strides[1] - dtype.itemsize:
             raise MalformedCloudError(
                 f"field {name} ends at byte {offset + dtype.itemsize} of points that are "
@@ -107,39 +162,42 @@ def decode_pointcloud2(message: Any) -> list[CloudPart]:
     ------
     MalformedCloudError
         A coordinate is missing, a field extends beyond its point, its datatype is not known, or
-        the data is not as long as the layout says.
+        the data does not have the size that the layout says, nor any that it could have.
     """
     # As integers: a field may be text, and text times a number is a long text.
-    height, width = int(message.height), int(message.width)
-    steps = int(message.row_step), int(message.point_step)
-    points, keyframes = np.empty((0, 3)), None
-    if width * height:
-        # Of several fields of one name the first counts; of a field with several elements, too.
-        fields: dict[str, PointField] = {}
-        for field in message.fields:
-            fields.setdefault(field.name, PointField(field.offset, field.datatype))
-        points, keyframes = Packed(
-            np.asarray(message.data),
-            (height, width),
-            _strides(len(message.data), height, width, *steps),
+    stated = Layout(
+        int(message.height), int(message.width), int(message.row_step), int(message.point_step)
+    )
+    data = np.asarray(message.data)
+    # Of several fields of one name the first counts; of a field with several elements, too.
+    fields: dict[str, PointField] = {}
+    for field in message.fields:
+        if field.name not in fields:
+            fields[field.name] = field
+    found = layout_of(data, stated, 0 if stated.point_step else _end(fields))
+    layout = found.accepted(MalformedCloudError)
+    points, keyframes, doubt = np.empty((0, 3)), None, ""
+    if layout.height and layout.width:
+        packed = Packed(
+            data,
+            (layout.height, layout.width),
+            (layout.row_step, layout.point_step),
             fields,
             DATATYPES,
             ">" if message.is_bigendian else "<",
-        ).unpack()
-    return [part_of(points, message.header.frame_id, message.header.stamp, keyframes)]
-
-
-def _strides(
-    length: int, height: int, width: int, row_step: int, point_step: int
-) -> tuple[int, int]:
-    """Return the bytes from row to row and from point to point, checked against the data."""
-    row = width * point_step
-    # A cloud of one row has no next row; some writers leave row_step unset there.
-    apart = row_step if height > 1 else max(row, row_step)
-    expected = height * apart
-    if apart < row or length not in (expected, expected - apart + row):
-        raise MalformedCloudError(
-            f"{length} bytes of data, expected {max(expected, height * row)} for width {width}, "
-            f"height {height}, point_step {point_step} and row_step {row_step}"
         )
-    return apart, point_step
+        points, keyframes, doubt = packed.judged()
+    part = part_of(points, message.header.frame_id, message.header.stamp, keyframes)
+    if found.note or doubt:
+        part = part._replace(doubts=tuple(filter(None, (found.note, doubt))))
+    return [part]
+
+
+def _end(fields: Mapping[str, PointField]) -> int:
+    """Return how many bytes of a point its fields span, as far as their types are known."""
+    sizes = (
+        field.offset + np.dtype(DATATYPES[field.datatype]).itemsize
+        for field in fields.values()
+        if field.datatype in DATATYPES
+    )
+    return max(sizes, default=0)

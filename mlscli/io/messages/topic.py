@@ -46,6 +46,8 @@ class TopicSource:
         self._lost_beside: dict[str, None] = {}
         self._refused: Counter[str] = Counter()
         self._skipped = 0
+        self._doubts: Counter[str] = Counter()
+        self._first_doubts: dict[str, Sequence[str]] = {}
         self._topics = self._describe()
 
     @property
@@ -80,6 +82,10 @@ class TopicSource:
         if self._skipped:
             notes.append(f"{self.label}: {self._skipped:,} markers of other kinds hold no points")
         notes += [
+            f"{self.label}: in {count:,} of {self._came:,} messages, {doubt}"
+            for doubt, count in self._doubts.items()
+        ]
+        notes += [
             f"{self.path}: {name}: {count:,} pose{'s' * (count > 1)} left out, not finite or with "
             "a quaternion of no length"
             for name, count in self._refused.items()
@@ -96,6 +102,15 @@ class TopicSource:
                 f"{self._first_fault}"
             )
         return list(self._lost_beside | dict.fromkeys(of_clouds))
+
+    @property
+    def first_doubts(self) -> Sequence[str]:
+        """What the first messages of the topics contradict themselves in; see `Finding.note`."""
+        return [
+            f"{self.path}: {topic}: in the first message, {doubt}"
+            for topic, doubts in self._first_doubts.items()
+            for doubt in doubts
+        ]
 
     def topics(self) -> Sequence[Topic]:
         """Return all topics, sorted by name."""
@@ -169,6 +184,7 @@ class TopicSource:
         self._came = self._lost = self._skipped = 0
         self._first_fault = ""
         topic = self._topic
+        self._doubts.clear()
         for number, message in enumerate(self._messages((topic.type,), topic.name)):
             self._came += 1
             yield number, message
@@ -196,6 +212,7 @@ class TopicSource:
             self._first_fault = self._first_fault or f"{at}: {error}"
             return []
         self._skipped += sum(part.skipped for part in parts)
+        self._doubts.update(_doubts(parts))
         return parts
 
     def transforms(self) -> Iterator[tuple[StampedPoses, bool]]:
@@ -339,9 +356,15 @@ class TopicSource:
         except (MalformedMessageError, MalformedCloudError):
             # What is wrong with the message is reported when it is read.
             return self._deserializer.frame(first)
+        self._first_doubts[first.channel.topic] = _doubts(parts)
         if len(parts) != 1 or parts[0].keyframes is not None:
             self._split.add(first.channel.topic)
         return parts[0].frame_id if parts else ""
+
+
+def _doubts(parts: Sequence[CloudPart]) -> list[str]:
+    """Return what a message contradicts itself in, each once."""
+    return list(dict.fromkeys(doubt for part in parts for doubt in part.doubts))
 
 
 def _same(name: str, other: str) -> bool:

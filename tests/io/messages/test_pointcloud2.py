@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from math import inf, nan
 from types import SimpleNamespace
 from typing import Any
 
@@ -41,7 +42,9 @@ class Layout:
 
 def values(datatype: int) -> st.SearchStrategy[Any]:
     if datatype >= 7:
-        return st.floats(width=32 if datatype == 7 else 64)
+        # Coordinates of a scene: bytes that are none in the order stated are another matter.
+        size = st.floats(0.125, 2.0**20, width=32 if datatype == 7 else 64)
+        return size | size.map(lambda value: -value) | st.sampled_from([0.0, -0.0, nan, inf, -inf])
     bits = 8 * struct.calcsize(CODES[datatype])
     low = -(2 ** (bits - 1)) if datatype % 2 else 0
     return st.integers(low, low + 2**bits - 1)
@@ -61,7 +64,7 @@ def layouts(draw: st.DrawFn) -> Layout:
         step = offsets[name] + counts[name] * struct.calcsize(CODES[datatypes[name]])
     step += draw(st.integers(0, 5))
     height, width = draw(st.integers(0, 3)), draw(st.integers(0, 4))
-    row_step = width * step + draw(st.integers(0, 7))
+    row_step = width * step + (draw(st.integers(0, 7)) if width else 0)
     data = bytearray(draw(st.binary(min_size=height * row_step, max_size=height * row_step)))
     rows: list[dict[str, float]] = []
     for row in range(height):
@@ -145,13 +148,16 @@ def test_a_single_row_needs_no_row_step() -> None:
     ("changes", "words"),
     [
         ({"width": 3}, "24 bytes of data, expected 36"),
-        ({"width": 1, "row_step": 12}, "24 bytes of data, expected 12"),
+        ({"width": 3, "row_step": 12}, "24 bytes of data, expected 36"),
+        ({"width": 1, "row_step": 12, "data": np.ones(23, np.uint8)}, "23 bytes .*, expected 12"),
+        ({"width": 0, "row_step": 0, "data": np.ones(23, np.uint8)}, "23 bytes .*, expected 0"),
+        ({"height": 0, "width": 0, "point_step": 0, "fields": []}, "24 bytes .*, expected 0"),
         ({"width": 2**32 - 1, "height": 2**32 - 1}, "24 bytes of data"),
         (
             {"point_step": 0, "row_step": 0, "data": np.empty(0, np.uint8)},
             "points that are 0 bytes apart",
         ),
-        ({"height": 2, "width": 1, "row_step": 0}, "row_step 0"),
+        ({"height": 2, "width": 2, "row_step": 0}, "row_step 0"),
         ({"point_step": 8, "width": 3}, "field z ends at byte 12"),
         ({"fields": cloud().fields[:2]}, "no field z, expected x, y and z beside x, y"),
         ({"fields": []}, "beside none"),
@@ -231,3 +237,58 @@ def test_an_organised_cloud_is_read_as_recorded(encoding: str) -> None:
 
     assert part.points.tolist() == [list(map(float, p)) for row in rows for p in row]
     assert (part.frame_id, part.stamp) == ("lidar", 1_700_000_000.5)
+
+
+def flagged(dtype: str, *, is_big: bool, count: int) -> SimpleNamespace:
+    points = np.random.default_rng(count).uniform(-20, 20, (count, 3)).astype(dtype)
+    return cloud(
+        width=count,
+        row_step=12 * count,
+        is_bigendian=is_big,
+        data=np.frombuffer(points.tobytes(), np.uint8),
+    )
+
+
+@pytest.mark.parametrize("count", [3, 36, 2000])
+@pytest.mark.parametrize("dtype", ["<f4", ">f4"])
+def test_the_data_tells_its_byte_order_and_the_flag_is_doubted(dtype: str, count: int) -> None:
+    right, wrong = (decode(flagged(dtype, is_big=b, count=count)) for b in ((dtype[0] == ">"), (dtype[0] != ">")))  # fmt: skip
+
+    np.testing.assert_array_equal(right.points, wrong.points)
+    assert np.abs(right.points).max() <= 20
+    assert not right.doubts
+    (doubt,) = wrong.doubts
+    assert doubt.startswith("is_bigendian is set" if dtype == "<f4" else "is_bigendian is not set")
+
+
+def test_a_flag_that_cannot_be_told_right_or_wrong_is_followed_and_doubted() -> None:
+    one = struct.pack("<3f", 0, 0.5, 0)
+    part = decode(cloud(width=1, row_step=12, is_bigendian=True, data=np.frombuffer(one, np.uint8)))
+
+    assert part.points.tolist() == [[0, struct.unpack(">f", struct.pack("<f", 0.5))[0], 0]]
+    assert "does not tell" in part.doubts[0]
+    part = decode(cloud(width=1, row_step=12, data=np.frombuffer(one, np.uint8)))
+    assert part.points.tolist() == [[0, 0.5, 0]]
+    assert not part.doubts
+
+
+def test_names_of_fields_may_be_capital_where_none_is_small() -> None:
+    capital = [SimpleNamespace(name=f.name.upper(), offset=f.offset, datatype=7) for f in cloud().fields]  # fmt: skip
+    assert decode(cloud(fields=capital)).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    # Beside small ones they are something else.
+    other = SimpleNamespace(name="X", offset=4, datatype=7)
+    assert decode(cloud(fields=[other, *cloud().fields])).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"height": 0}, {"width": 0, "row_step": 0}, {"width": 1, "row_step": 12}, {"point_step": 0},
+     {"height": 2, "width": 1, "row_step": 0}, {"height": 2, "width": 1, "row_step": 24}],
+)  # fmt: skip
+def test_points_that_sizes_do_not_declare_are_read_and_the_sizes_doubted(
+    changes: dict[str, object],
+) -> None:
+    part = decode(cloud(**changes))
+
+    assert part.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert len(part.doubts) == 1

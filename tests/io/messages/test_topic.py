@@ -328,3 +328,20 @@ def test_where_a_cut_took_the_topic_the_error_says_that_the_bag_breaks_off(
 
     with pytest.raises(UsageError, match=r"no such topic, found .*; .*breaks off in the chunk"):
         list(open_source(cut, Reading(topic="/luminar_pointcloud")).clouds())
+
+
+def test_what_messages_contradict_themselves_in_is_told_once_with_how_often(
+    tmp_path: Path, messages: list[Sent]
+) -> None:
+    wrong = [Sent(m.points, nanoseconds=m.nanoseconds, changes={"height": 0}) for m in messages[1:]]
+    bag = write_bag(tmp_path / "flight.bag", [messages[0], *wrong])
+    source = TopicSource(open_container(bag))
+
+    assert not source.first_doubts
+    assert points_of(list(source.clouds())) == [message.points.tolist() for message in messages]
+    notes = [note for note in source.notes if "height is 0" in note]
+    assert len(notes) == 1
+    assert notes[0].startswith(f"{bag}: /cloud: in 3 of 4 messages, width or height is 0")
+    again = TopicSource(open_container(write_bag(tmp_path / "wrong.bag", wrong)))
+    assert "/cloud: in the first message, width or height is 0" in again.first_doubts[0]
+    assert not again.notes

@@ -1,0 +1,1 @@
+"""Whether data is what its header claims: pure functions on small samples, for all readers."""
