@@ -21,6 +21,7 @@ import pytest
 from mlscli.errors import InputError, UsageError
 from mlscli.io.clouds.text import TextCloud
 from mlscli.io.containers.container import Message
+from mlscli.io.containers.opening import open_container
 from mlscli.io.messages.decoding import Deserializer
 from mlscli.io.messages.topic import TopicSource
 from mlscli.io.reading.formats import open_source
