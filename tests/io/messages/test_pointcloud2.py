@@ -252,7 +252,9 @@ def flagged(dtype: str, *, is_big: bool, count: int) -> SimpleNamespace:
 @pytest.mark.parametrize("count", [3, 36, 2000])
 @pytest.mark.parametrize("dtype", ["<f4", ">f4"])
 def test_the_data_tells_its_byte_order_and_the_flag_is_doubted(dtype: str, count: int) -> None:
-    right, wrong = (decode(flagged(dtype, is_big=b, count=count)) for b in ((dtype[0] == ">"), (dtype[0] != ">")))  # fmt: skip
+    is_big = dtype[0] == ">"
+    right = decode(flagged(dtype, is_big=is_big, count=count))
+    wrong = decode(flagged(dtype, is_big=not is_big, count=count))
 
     np.testing.assert_array_equal(right.points, wrong.points)
     assert np.abs(right.points).max() <= 20
@@ -273,7 +275,9 @@ def test_a_flag_that_cannot_be_told_right_or_wrong_is_followed_and_doubted() -> 
 
 
 def test_names_of_fields_may_be_capital_where_none_is_small() -> None:
-    capital = [SimpleNamespace(name=f.name.upper(), offset=f.offset, datatype=7) for f in cloud().fields]  # fmt: skip
+    capital = cloud().fields
+    for field in capital:
+        field.name = field.name.upper()
     assert decode(cloud(fields=capital)).points.tolist() == [[1, 2, 3], [4, 5, 6]]
     # Beside small ones they are something else.
     other = SimpleNamespace(name="X", offset=4, datatype=7)
