@@ -29,7 +29,7 @@ def evaluate_all(
     workers: Workers, pipeline: Pipeline, blocks: PointBlocks, tiles: Sequence[Tile]
 ) -> int:
     """Return how many patches the workers make of the tiles."""
-    return sum(surface.size for surface, _ in workers.evaluate_all(pipeline, blocks, tiles))
+    return sum(tile.surface.size for tile in workers.evaluate_all(pipeline, blocks, tiles))
 
 
 @click.command()

@@ -34,7 +34,7 @@ COMMANDS = (
     *(SYNTH, f"{SYNTH} --holes 2,0.5 --overwrite", "synth --type stair --grid 0.5 -o stair.txt"),
     "build flight.txt --cumulative -c every.yaml --set map.cell_size=0.2",
     "synth --type planes --grid 0.2 --noise slam -o slam.mcap",
-    "build slam.mcap -c every.yaml --set map.cell_size=0.2",
+    "build slam.mcap -c every.yaml --set map.cell_size=0.2 --free-space",
     "build flight.txt -o sequential.npz --set mode=sequential --set map.cell_size=0.2",
     "build flight.txt -o growing.npz --growing",
     "build cloud.pcd -c plain --set map.cell_size=1",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -112,7 +113,7 @@ def build(
         cluster=scheduler,
     )
     builder.report.add(reading)
-    feed(builder, recording, progress, held)
+    feed(builder, recording, progress, held, follows_sights=parameters.map.free_space)
     surface = builder.finish()
     if not surface.size:
         raise InputError(emptied(recording, builder.report))
@@ -169,6 +170,8 @@ def feed(
     recording: Recording,
     progress: Progress | None = None,
     held: Iterable[Keyframe] | None = None,
+    *,
+    follows_sights: bool = False,
 ) -> None:
     """Give a builder the keyframes of a recording.
 
@@ -181,9 +184,30 @@ def feed(
         As for `build`.
     held : iterable of Keyframe, optional
         The keyframes, where they have been read already.
+    follows_sights : bool, optional
+        Whether free space is to be kept, for which the craft's position must be known.
+
+    Raises
+    ------
+    InputError
+        Where it is not known of any keyframe.
     """
+    keyframes = known = 0
     for keyframe in read(recording, builder.report, progress) if held is None else held:
         builder.add(keyframe)
+        keyframes += 1
+        known += math.isfinite(sum(keyframe.position))
+    if follows_sights and not known:
+        raise InputError(
+            f"{', '.join(recording.sources)}: `free_space`: where the craft was is not known of "
+            "any keyframe, so that nothing is known to be seen through; leave it out, or give a "
+            "recording with positions"
+        )
+    if follows_sights and known < keyframes:
+        notice(
+            f"free space: where the craft was is not known of {keyframes - known:,} of "
+            f"{keyframes:,} keyframes; what they saw through is not in it"
+        )
     # The recording has dropped points that the builder never saw.
     builder.report.points_read = recording.tally.points_read
     builder.report.dropped.update(recording.tally.dropped)

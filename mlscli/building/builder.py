@@ -21,15 +21,18 @@ from mlscli.keyframes.batches import Points, gather
 from mlscli.keyframes.keyframe import Keyframe, require_points
 from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change, points_in
+from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.recorded import TURN
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
+from mlscli.pipeline.line_counts import LONGEST, LineCounts
 from mlscli.pipeline.parameters import Parameters, to_dict
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.cluster import Cluster
 from mlscli.pipeline.tilewise.tiles import Threads, Workers, map_in_tiles
 from mlscli.runtime.arrays import Float64
+from mlscli.runtime.notices import notice
 from mlscli.version import __version__
 
 Follower = Callable[[Change], None]
@@ -120,6 +123,8 @@ class MapBuilder:
         self._gatherer = BatchGatherer(
             parameters.batch.min_points, self._pipeline.cell_size, self.report
         )
+        # Those of a map made at once; a growing map has its own.
+        self._counts = self._pipeline.line_counts()
         self._growing: GrowingMap | None = None
         self._finished: SurfaceMap | None = None
 
@@ -177,7 +182,7 @@ class MapBuilder:
     def surface(self) -> SurfaceMap:
         """The map of the batches so far, before the final stages; in the end the finished map.
 
-        Keyframes that wait for a batch are not in it.
+        Keyframes that wait for a batch are not in it. Free space, if it is kept, is counted anew.
         """
         if self._finished is not None:
             return self._finished
@@ -224,11 +229,14 @@ class MapBuilder:
         pipeline, progress = self._pipeline, self._progress
         pipeline.route = self._gatherer.route
         if self._workers is not None:
-            return map_in_tiles(pipeline, self._gatherer.take_points(), self._workers, progress)
+            return map_in_tiles(
+                pipeline, self._gatherer.take_points(), self._workers, progress, self._counts
+            )
         # No variable keeps the points: they are freed as soon as they are filtered.
         filtered = pipeline.filter_points(self._gatherer.take_points(), progress)
         sights = pipeline.sights(partial(_all, filtered))
         measured = pipeline.group_points(filtered)
+        pipeline.count_lines(self._counts, filtered)
         # Only sight lines need them any longer.
         del filtered
         return pipeline.run_map_stages(measured, progress, sights)
@@ -249,7 +257,23 @@ class MapBuilder:
             self.parameters, self.report, self._sources, self._reading, self._turn,
             self._gatherer.keyframes, points_in(surface),
         )  # fmt: skip
-        return replace(surface, route=self._gatherer.route.copy(), meta=meta)
+        counts = self._counts if self._growing is None else self._growing.line_counts()
+        free = free_space(counts, self.report)
+        return replace(surface, route=self._gatherer.route.copy(), meta=meta, free=free)
+
+
+def free_space(counts: LineCounts | None, report: Report) -> FreeSpace | None:
+    """Return what was counted, and tell what was left out; None where nobody counted."""
+    if counts is None:
+        return None
+    if counts.left_out:
+        notice(
+            f"free space: {counts.left_out:,} sight lines are left out, which are longer than "
+            f"{LONGEST:,} voxels or come from beyond all cells; look at the route, or set "
+            "map.cell_size to more"
+        )
+    with report.timed("free space"):
+        return counts.free_space()
 
 
 def _all(points: Points, cells: CellSet) -> Points:  # noqa: ARG001

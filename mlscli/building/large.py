@@ -19,16 +19,18 @@ import numpy as np
 
 from mlscli.building.batching import BatchGatherer
 from mlscli.building.build import emptied, feed
-from mlscli.building.builder import check_workers, growing_map, map_meta
+from mlscli.building.builder import check_workers, free_space, growing_map, map_meta
 from mlscli.building.depth_noise import DepthNoise, told
 from mlscli.errors import InputError, UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import points_in
+from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
 from mlscli.maps.patches import runs
 from mlscli.maps.records import records_of, surface_of
 from mlscli.maps.stored_map import StoredMap
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.pipeline.line_counts import NoRoomError
 from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
@@ -53,6 +55,9 @@ if TYPE_CHECKING:
 # Bytes of memory, at most, for sorting a point, for knowing where the points of a block lie, for
 # putting a patch in order, and for running the final stages on a patch.
 SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
+
+# Free space may take one of so many parts of what the points leave.
+FREE_SHARE = 3
 
 # The least bytes of memory to work with, besides those of the program itself.
 LEAST_BYTES = 32 * 2**20
@@ -132,7 +137,7 @@ def build_large(
             workers = stack.enter_context(connected(scheduler))
         disk = stack.enter_context(Scratch(scratch))
         builder = _LargeMapBuilder(recording, parameters, memory, disk, workers, progress)
-        feed(builder, recording, progress)
+        feed(builder, recording, progress, follows_sights=parameters.map.free_space)
         surface = builder.finish()
         if not surface.size:
             raise InputError(emptied(recording, builder.report))
@@ -202,8 +207,7 @@ class _LargeMapBuilder:
             self._pipeline = Pipeline(self._parameters, self._pipeline.grid.frame_id, self.report)
         pipeline = self._pipeline
         pipeline.route = self._gatherer.route
-        tiles = evaluate_tiles(pipeline, self._blocks, self._tiles(), self._workers, self._progress)
-        parts = [_PatchesByX.of(surface, self._disk) for surface in tiles]
+        parts, free = self._evaluated(pipeline)
         bands = _bands(parts, pipeline.grid, self._room // 2 // ORDERED)
         if pipeline.final_stages:
             bands = iter([self._finished(parts, bands)])
@@ -217,7 +221,23 @@ class _LargeMapBuilder:
             self._parameters, self.report, self._recording.sources, self._recording.options,
             self._recording.map_from_recording, self._gatherer.keyframes, kept,
         )  # fmt: skip
-        return replace(surface, route=self._gatherer.route.copy(), meta=meta)
+        return replace(surface, route=self._gatherer.route.copy(), meta=meta, free=free)
+
+    def _evaluated(self, pipeline: Pipeline) -> tuple[list[_PatchesByX], FreeSpace | None]:
+        """Evaluate all tiles; return their patches on disk, and free space if it is asked for."""
+        most = self._left // FREE_SHARE if self._parameters.map.free_space else 0
+        # What free space may take is no room for anything else.
+        self._room -= most
+        counts = pipeline.line_counts(most)
+        tiles = evaluate_tiles(
+            pipeline, self._blocks, self._tiles(), self._workers, self._progress, counts
+        )
+        try:
+            parts = [_PatchesByX.of(surface, self._disk) for surface in tiles]
+            return parts, free_space(counts, self.report)
+        except NoRoomError as error:
+            least = self._memory + FREE_SHARE * (error.least - most)
+            raise too_little(self._memory, least, "so much space was seen through") from error
 
     def _process_waiting(self) -> None:
         self._held += self._gatherer.close()

@@ -39,6 +39,12 @@ _NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
     help="The map's file; by default the first source's name with .npz, in the current folder.",
 )
 @click.option(
+    "--free-space",
+    is_flag=True,
+    help="Also keep in the map what space was seen through: how many sight lines, from the craft "
+    "to points, passed through each voxel. The same as --set map.free_space=true.",
+)
+@click.option(
     "--growing",
     is_flag=True,
     help="Bring the map up to date after every batch, as on board, and say how long the slowest "
@@ -90,6 +96,7 @@ _NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
 def command(
     sources: tuple[str, ...],
     output: str | None,
+    free_space: bool,
     growing: bool,
     dry_run: bool,
     jobs: int | None,
@@ -117,6 +124,8 @@ def command(
 
     begin = time.perf_counter()
     parameters = load(config, settings)
+    if free_space:
+        parameters = parameters.with_free_space()
     _check_together(parameters, growing or replay is not None, jobs, scheduler, memory, scratch)
     target = output or default_output(sources[0])
     if Path(target).suffix.lower() in _NO_MAPS:

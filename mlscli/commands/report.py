@@ -91,6 +91,14 @@ def map_rows(
         ("cell size", size("cell_size")),
         ("gap size", size("gap_size")),
         ("thickness", f"{description['thickness']:.6g}"),
+        ("free space", _free_space(description["free_space"])),
         ("regions", f"{description['regions']:,}" if description["regions"] else ""),
         ("frame", description["frame_id"]),
     ]
+
+
+def _free_space(seen: Mapping[str, Any] | None) -> str:
+    if seen is None:
+        return ""
+    voxels = some(seen["voxels"], "voxel")
+    return f"{seen['volume']:.6g} in {voxels} seen through, {seen['twice']:,} of them twice or more"

@@ -41,7 +41,8 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     Returns
     -------
     SurfaceMap
-        Its route is that of `one`, then that of `other`; no patch has a region (-1).
+        Its route is that of `one`, then that of `other`; no patch has a region (-1). Counts of
+        free space add; where one of the maps has none, the result has none.
 
     Raises
     ------
@@ -76,6 +77,7 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
         merged,
         region=np.full(merged.size, -1, dtype=np.int32),
         route=np.concatenate((one.route, other.route)),
+        free=one.free and other.free and one.free.union(other.free),
     )
 
 

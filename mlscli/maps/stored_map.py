@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.runtime.arrays import Array, Float64
@@ -41,13 +42,15 @@ class StoredMap:
     route : float64 (K, 4)
         As in `SurfaceMap`.
     meta : dict
-        As in `SurfaceMap`.
+    free : FreeSpace or None
+        As in `SurfaceMap`; in memory.
     """
 
     grid: Grid
     parts: list[StoredPatches]
     route: Float64 = field(default_factory=lambda: np.empty((0, 4)))
     meta: dict[str, Any] = field(default_factory=dict)
+    free: FreeSpace | None = None
 
     @property
     def size(self) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.stored_map import StoredMap, parts_of
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 
@@ -22,8 +23,10 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         occupied; ``levels``: how many cells hold 1, 2, ... patches; ``extent``: lower and upper
         bounds of x, y (edges of cells) and z, None for an empty map; ``area``: of the occupied
         cells, in the square of the unit; ``regions``: the greatest region number plus 1;
-        ``keyframes``: rows of the route; and the map's ``cell_size``, ``gap_size``, ``thickness``
-        and ``frame_id``.
+        ``keyframes``: rows of the route; ``free_space``: how many ``voxels`` were seen through,
+        how many of them ``twice`` or more, and the ``volume`` of all in the cube of the unit, None
+        where the map does not say; and the map's ``cell_size``, ``gap_size``, ``thickness`` and
+        ``frame_id``.
     """
     grid = surface.grid
     counted = dict.fromkeys(("total", *ORIGINS, "vertical", "moved"), 0)
@@ -53,6 +56,15 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         "thickness": grid.thickness,
         "frame_id": grid.frame_id,
         "keyframes": len(surface.route),
+        "free_space": None if surface.free is None else _seen_through(surface.free, grid.cell_size),
+    }
+
+
+def _seen_through(free: FreeSpace, cell_size: float) -> dict[str, Any]:
+    return {
+        "voxels": free.size,
+        "twice": int(np.count_nonzero(free.lines > 1)),
+        "volume": free.size * cell_size**3 / 2,
     }
 
 

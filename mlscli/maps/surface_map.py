@@ -20,6 +20,7 @@ import numpy as np
 
 from mlscli.errors import InputError, expect
 from mlscli.maps.cells import CellSet, Limits
+from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
 from mlscli.maps.patches import overlap, reach_beyond
@@ -108,6 +109,8 @@ class SurfaceMap:
         Time, x, y, z of the craft, a row for each keyframe; NaN where not known.
     meta : dict
         How the map was made: program version, sources, parameters, counts.
+    free : FreeSpace or None
+        Where sight lines passed; None where nobody asked for it.
     """
 
     cell_size: float
@@ -130,6 +133,7 @@ class SurfaceMap:
     frame_id: str = "map"
     route: Float64 = field(default_factory=_no_route)
     meta: dict[str, Any] = field(default_factory=dict)
+    free: FreeSpace | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, for the caller, too."""
@@ -313,11 +317,12 @@ class SurfaceMap:
         min_y: int | None = None,
         max_y: int | None = None,
     ) -> SurfaceMap:
-        """Return the patches whose cell indices lie within the limits, inclusive."""
+        """Return the patches and the free space whose cell indices lie within limits, inclusive."""
         limits = Limits(min_x, max_x, min_y, max_y)
         for name, limit in limits._asdict().items():
             expect(limit, (Real, NoneType), name, "the index of a cell")
-        return self.take(limits.contain(self.ix, self.iy))
+        free = self.free and self.free.crop(limits)
+        return replace(self.take(limits.contain(self.ix, self.iy)), free=free)
 
     def in_cells(self, cells: CellSet) -> SurfaceMap:
         """Return the patches in the cells of a set."""
@@ -348,6 +353,7 @@ class SurfaceMap:
             (self.cell_size, self.gap_size, self.thickness, self.frame_id)
             == (other.cell_size, other.gap_size, other.thickness, other.frame_id)
             and self.size == other.size
+            and self.free == other.free
             and all(
                 mine.tobytes() == others.tobytes()
                 for mine, others in zip(self.columns.values(), other.columns.values(), strict=True)
@@ -382,6 +388,7 @@ class SurfaceMap:
                 yield f"{name}: is {value!r}; it must be {least}"
         yield from self._form_faults()
         yield from self._value_faults()
+        yield from self.free.faults() if self.free is not None else ()
         if not self._is_sorted():
             yield "ix, iy, height: patches are not sorted by (ix, iy, height, depth, origin, count)"
 

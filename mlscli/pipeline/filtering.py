@@ -85,6 +85,10 @@ class FilteredPoints:
         outcome = self._filtered(pipeline, Outcome(given.cells, rows), before, rows)
         return outcome, len(rows) - len(before)
 
+    def kept(self) -> Points:
+        """Return all points that the stage has not dropped, as it left them."""
+        return kept(self._tiles.whole())
+
     def kept_near(self, cells: CellSet, cell_size: float) -> Points:
         """Return all points that the stage has placed in `cells`, and others beside them."""
         # What is placed in a cell comes from less than half the reach away.

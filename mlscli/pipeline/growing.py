@@ -20,6 +20,7 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.maps.tiled_map import TiledMap
 from mlscli.maps.tiled_rows import TiledRows
 from mlscli.pipeline.filtering import FilteredPoints, kept
+from mlscli.pipeline.line_counts import LineCounts
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.stages.sights import Sights
 from mlscli.runtime.arrays import UInt64
@@ -34,6 +35,10 @@ class GrowingMap(Protocol):
 
     def whole(self) -> SurfaceMap:
         """Return the map so far."""
+        ...
+
+    def line_counts(self) -> LineCounts | None:
+        """Return through what space sight lines passed so far; None where nobody asked for it."""
         ...
 
 
@@ -82,6 +87,13 @@ class ConsistentMap:
     def whole(self) -> SurfaceMap:
         """Return the map so far."""
         return self._maps[-1].whole()
+
+    def line_counts(self) -> LineCounts | None:
+        """Return through what space sight lines passed so far, counted anew."""
+        counts = self._pipeline.line_counts()
+        if counts is not None:
+            self._pipeline.count_lines(counts, self._points[-1].kept())
+        return counts
 
     def _measure(self, new: Points) -> tuple[Change, CellSet]:
         """Filter the points around new ones again, and group them.
@@ -137,11 +149,13 @@ class SequentialMap:
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
         self._tiles = TiledMap(pipeline.grid)
+        self._counts = pipeline.line_counts()
 
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
         pipeline, tiles = self._pipeline, self._tiles
         filtered = pipeline.filter_points(points)
+        pipeline.count_lines(self._counts, filtered)
         sights = pipeline.sights(lambda _: filtered)
         new = records_of(pipeline.group_points(filtered))
         changed = CellSet.of_keys(new["cell"])
@@ -164,3 +178,7 @@ class SequentialMap:
     def whole(self) -> SurfaceMap:
         """Return the map so far."""
         return self._tiles.whole()
+
+    def line_counts(self) -> LineCounts | None:
+        """Return through what space the sight lines of all batches passed."""
+        return self._counts

@@ -58,6 +58,7 @@ class MapParameters:
         default_from="vehicle.height",
     )
     thickness: Length = parameter(Cells(1), "a patch that spreads wider is vertical", low=0)
+    free_space: bool = parameter(False, "also keep what space sight lines passed through")
 
 
 @dataclass(frozen=True)
@@ -200,6 +201,10 @@ class Parameters:
         settled = replace(self, map=grid)
         settled.check()
         return settled
+
+    def with_free_space(self) -> Parameters:
+        """Return the same parameters, with which a map keeps the free space, too."""
+        return replace(self, map=replace(_as_given(self.map), free_space=True))
 
     @property
     def lacks_noise(self) -> bool:

@@ -17,6 +17,7 @@ from mlscli.maps.cells import CellSet
 from mlscli.maps.change import points_in
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
+from mlscli.pipeline.line_counts import LineCounts
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.stages.sights import Sights
@@ -118,6 +119,22 @@ class Pipeline:
         """
         sights = Sights(self.route, near)
         return sights if self.sight_reach and sights.known else None
+
+    def line_counts(self, most: int | None = None) -> LineCounts | None:
+        """Return what counts the lines through free space; None where nobody asked for it.
+
+        Parameters
+        ----------
+        most : int, optional
+            As for `LineCounts`.
+        """
+        return LineCounts(self.cell_size, most) if self.parameters.map.free_space else None
+
+    def count_lines(self, counts: LineCounts | None, points: Points) -> None:
+        """Count the sight lines of filtered points, if anybody counts."""
+        if counts is not None:
+            with self.report.timed("free space"):
+                counts.add(points, self.route)
 
     def run_and_count(
         self,

@@ -1,6 +1,7 @@
 """Maps as `.npz` files, format version 2: one array per column, no pickles.
 
 Version 1 had no array `moved`. It is read as well: which patches were moved follows from the rest.
+Arrays of free space, with names that begin with ``free_``, are there only if they were asked for.
 
 The arrays are stored without compression, each with a fixed date, so that equal maps from equal
 sources make equal files. A reader trusts nothing: names, types, shapes and sizes are checked
@@ -24,6 +25,7 @@ import numpy as np
 
 from mlscli.errors import InputError, MlsError, expect, expect_path
 from mlscli.io.writing.atomic import atomic_write
+from mlscli.maps.free_space import FREE_COLUMNS, FreeSpace
 from mlscli.maps.grid import LENGTHS
 from mlscli.maps.stored_map import StoredMap, column_of
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
@@ -70,6 +72,8 @@ def write_map(
         write("frame_id", surface.grid.frame_id)
         write("route", surface.route)
         write("meta", json.dumps(surface.meta, ensure_ascii=False, allow_nan=False))
+        for name, column in surface.free.columns.items() if surface.free is not None else ():
+            write(f"free_{name}", column)
 
 
 def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
@@ -125,11 +129,26 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
         meta = json.loads(members.text("meta"))
         if not isinstance(meta, dict):
             raise InputError(f"meta: holds a JSON {type(meta).__name__}; it must be an object")
-        surface = SurfaceMap(**arrays, frame_id=frame_id, route=route, meta=meta)
+        surface = SurfaceMap(
+            **arrays, frame_id=frame_id, route=route, meta=meta, free=_free_space(members)
+        )
         if "moved" in _ADDED[version]:
             surface = replace(surface, moved=surface.beyond_points().astype(np.uint8))
         surface.check()
     return surface
+
+
+def _free_space(members: _Members) -> FreeSpace | None:
+    """Return the free space that a map holds; None where it has none of these arrays."""
+    if not any(members.has(f"free_{name}") for name in FREE_COLUMNS):
+        return None
+    cells, voxels = ((*members.shape(f"free_{name}"), 0)[0] for name in ("ix", "iz"))
+    sizes = {"iz": voxels, "lines": voxels, "start": cells + 1}
+    columns: dict[str, Any] = {
+        name: members.array(f"free_{name}", dtype, (sizes.get(name, cells),))
+        for name, dtype in FREE_COLUMNS.items()
+    }
+    return FreeSpace(**columns)
 
 
 def is_map(path: str | os.PathLike[str]) -> bool:
@@ -188,6 +207,9 @@ class _Members:
                 f"{entry.file_size} bytes, {entry.compress_size} in the file"
             )
         return entry, shape, dtype
+
+    def has(self, name: str) -> bool:
+        return f"{name}.npy" in self._archive.namelist()
 
     def shape(self, name: str) -> tuple[int, ...]:
         return self._header(name)[1]

@@ -19,6 +19,7 @@ from mlscli.maps.cells import Limits, pack
 from mlscli.maps.change import points_in
 from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap, new_columns
+from mlscli.pipeline.line_counts import LineCounts
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.stages.ordering import cells_of
@@ -36,10 +37,13 @@ class EvaluatedTile(NamedTuple):
         The patches of the tile, before the final stages.
     report : Report
         What was dropped in it, and where the time went.
+    filtered : Points or None
+        Its points as the stages on points left them, where free space was asked for.
     """
 
     surface: SurfaceMap
     report: Report
+    filtered: Points | None = None
 
 
 class Tile(NamedTuple):
@@ -103,14 +107,28 @@ class Threads(NamedTuple):
 
 
 def map_in_tiles(
-    pipeline: Pipeline, points: Points, workers: Workers, progress: Progress | None = None
+    pipeline: Pipeline,
+    points: Points,
+    workers: Workers,
+    progress: Progress | None = None,
+    counts: LineCounts | None = None,
 ) -> SurfaceMap:
-    """Return the map of all points before the final stages, evaluated by several workers."""
+    """Return the map of all points before the final stages, evaluated by several workers.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    points : Points
+    workers : Workers
+    progress, counts
+        As for `evaluate_tiles`.
+    """
     blocks = PointBlocks(pipeline.cell_size)
     blocks.add(points)
     share = points.size // (2 * workers.number)
     tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE_POINTS, min(share, COMFORTABLE_POINTS)))
-    return join(pipeline.grid, list(evaluate_tiles(pipeline, blocks, tiles, workers, progress)))
+    parts = evaluate_tiles(pipeline, blocks, tiles, workers, progress, counts)
+    return join(pipeline.grid, list(parts))
 
 
 def evaluate_tiles(
@@ -119,6 +137,7 @@ def evaluate_tiles(
     tiles: Sequence[Tile],
     workers: Workers,
     progress: Progress | None = None,
+    counts: LineCounts | None = None,
 ) -> Iterator[SurfaceMap]:
     """Yield the map of all points before the final stages, tile by tile.
 
@@ -132,9 +151,13 @@ def evaluate_tiles(
     workers : Workers
     progress : callable, optional
         Called with ``tiles``, how many of them are done, and how many there are.
+    counts : LineCounts, optional
+        Counts the sight lines of the points, from `Pipeline.line_counts`.
     """
     evaluated = workers.evaluate_all(pipeline, blocks, tiles)
-    for number, (surface, report) in enumerate(evaluated, 1):
+    for number, (surface, report, filtered) in enumerate(evaluated, 1):
+        if filtered is not None:
+            pipeline.count_lines(counts, filtered)
         if progress is not None:
             progress("tiles", number, len(tiles))
         pipeline.report.add(report)
@@ -187,7 +210,10 @@ def evaluate(pipeline: Pipeline, points: Points, limits: Limits) -> EvaluatedTil
         surface = after.crop(*limits.widened(margin))
         before, inside = inside, points_in(surface.crop(*limits))
         report.drop(stage.name, before - inside)
-    return EvaluatedTile(surface.crop(*limits), report)
+    own = None
+    if pipeline.parameters.map.free_space:
+        own = points.take(limits.contain(*cells_of(points.xyz, cell_size)))
+    return EvaluatedTile(surface.crop(*limits), report, own)
 
 
 def tiles_of(blocks: PointBlocks, reach: int, most: int) -> list[Tile]:

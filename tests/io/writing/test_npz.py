@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import zipfile
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ import pytest
 
 from mlscli.errors import InputError, OutputError
 from mlscli.io.writing.npz import is_map, read_map, write_map
+from mlscli.maps.free_space import FREE_COLUMNS, FreeSpace
 from mlscli.maps.stored_map import StoredMap
 from mlscli.maps.surface_map import COLUMNS, SurfaceMap
 from mlscli.runtime.scratch import Scratch
+from tests.helpers.lines import free_space_of
 from tests.helpers.maps import random_map
 
 ARRAYS = ["format", "version", "cell_size", "gap_size", "thickness", *COLUMNS]
@@ -121,19 +124,24 @@ def test_pickled_objects_are_refused(written: Path) -> None:
         read_map(written)
 
 
-def test_a_size_that_is_only_claimed_is_refused_before_memory_is_given(written: Path) -> None:
+def claim_size(path: Path, name: str, dtype: str) -> None:
+    """Have an array declare a size that no file has."""
     header = io.BytesIO()
-    claimed = {"descr": "<f8", "fortran_order": False, "shape": (10**15,)}
+    claimed = {"descr": dtype, "fortran_order": False, "shape": (10**15,)}
     np.lib.format.write_array_header_1_0(header, claimed)
-    with np.load(written) as arrays:
+    with np.load(path) as arrays:
         kept = dict(arrays)
-    with zipfile.ZipFile(written, "w") as archive:
-        for name, array in kept.items():
-            with archive.open(f"{name}.npy", "w") as member:
-                if name == "ix":
+    with zipfile.ZipFile(path, "w") as archive:
+        for each, array in kept.items():
+            with archive.open(f"{each}.npy", "w") as member:
+                if each == name:
                     member.write(header.getvalue())
                 else:
                     np.lib.format.write_array(member, array)
+
+
+def test_a_size_that_is_only_claimed_is_refused_before_memory_is_given(written: Path) -> None:
+    claim_size(written, "ix", "<f8")
     with pytest.raises(InputError, match="ix: declares"):
         read_map(written)
 
@@ -216,4 +224,44 @@ def test_a_map_out_of_order_or_with_odd_meta_is_refused(written: Path) -> None:
         read_map(written)
     rewrite(written, ix=ix, meta=np.array("[1, 2]"))
     with pytest.raises(InputError, match="meta: holds a JSON list"):
+        read_map(written)
+
+
+def test_free_space_is_kept_and_each_of_its_arrays_is_checked(
+    surface: SurfaceMap, tmp_path: Path
+) -> None:
+    counts = {(0, 0, 1): 3, (0, 0, 2): 1, (0, 3, -5): 9, (1, -2, 7): 255}
+    path = tmp_path / "flight.npz"
+    for free in (free_space_of(counts), FreeSpace.of_none(), None):
+        write_map(path, replace(surface, free=free), overwrite=True)
+        back = read_map(path)
+        assert back.free == free
+        assert back == replace(surface, free=free)
+    free = free_space_of(counts)
+    write_map(path, replace(surface, free=free), overwrite=True)
+    with np.load(path) as kept:
+        good = dict(kept)
+    assert int(good["version"]) == 2
+    for name, dtype in FREE_COLUMNS.items():
+        column = good[f"free_{name}"]
+        assert column.dtype == dtype
+        for changed in (None, np.array([b"x"]), column.reshape(1, -1), column[0], column[:-1]):
+            np.savez(
+                path,
+                **{n: a for n, a in (good | {f"free_{name}": changed}).items() if a is not None},
+            )
+            with pytest.raises(InputError, match=r"flight\.npz: free_\w+: ") as caught:
+                read_map(path)
+            assert "\n" not in str(caught.value)
+    np.savez(path, **good | {"free_start": good["free_start"][::-1]})
+    with pytest.raises(InputError, match=r"flight\.npz: free_start: must ascend from 0 to 4"):
+        read_map(path)
+
+
+def test_free_space_of_a_size_that_is_only_claimed_is_refused(
+    surface: SurfaceMap, written: Path
+) -> None:
+    write_map(written, replace(surface, free=FreeSpace.of_none()), overwrite=True)
+    claim_size(written, "free_iz", "<i4")
+    with pytest.raises(InputError, match="free_iz: declares"):
         read_map(written)
