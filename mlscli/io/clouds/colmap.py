@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
-from mlscli.io.clouds.columns import short
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
+from mlscli.io.clouds.rows import short
 from mlscli.io.clouds.structures import Member, gather, mapped, read_structures
 from mlscli.io.source import Cloud, side_by_side
 from mlscli.runtime.arrays import Float64, Int64, UInt8

@@ -1,59 +1,70 @@
-"""Parse lines of text as columns: their names, fields and numbers."""
+"""Columns of numbers in a text: their names, in an option or in a header."""
 
 from __future__ import annotations
 
-import io
-import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
-from typing import TextIO
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
-import numpy as np
-
-from mlscli.errors import InputError, UsageError
-from mlscli.runtime.arrays import Float64
+from mlscli.errors import UsageError
 
 CENTRE, ATTITUDE = ("cx", "cy", "cz"), ("qx", "qy", "qz", "qw")
 COLUMNS = ("x", "y", "z", "keyframe", "t", *CENTRE, *ATTITUDE)
 
-BLOCK_CHARACTERS = 1 << 22
-"""Characters read at a time."""
+_OTHER_NAMES = {
+    "pos_x": "x",
+    "pos_y": "y",
+    "pos_z": "z",
+    "kf": "keyframe",
+    "kf_id": "keyframe",
+    # The coordinates of VTK, as ParaView names them.
+    "points:0": "x",
+    "points:1": "y",
+    "points:2": "z",
+    "points_0": "x",
+    "points_1": "y",
+    "points_2": "z",
+}
+_UNIT = re.compile(r"[ \t]*(\[[^\]]*\]|\([^)]*\))")
+# What columns hold that are no x, y, z: a comment of such words names columns.
+# fmt: off
+_NO_COORDINATES = frozenset((
+    "id", "index", "idx", "no", "nr", "label", "name", "point", "pointid", "t", "time", "stamp",
+    "timestamp", "sec", "secs", "nsec", "frame", "keyframe", "lat", "latitude", "lon", "lng",
+    "long", "longitude", "alt", "altitude", "elevation", "ele", "height", "easting", "northing",
+    "east", "north", "up", "e", "n", "u", "h", "range", "distance", "dist", "azimuth", "angle",
+    "theta", "phi", "rho", "radius", "r", "g", "b", "a", "red", "green", "blue", "alpha", "rgb",
+    "intensity", "i", "refl", "reflectance", "reflectivity", "nx", "ny", "nz", "normal_x",
+    "normal_y", "normal_z", "qx", "qy", "qz", "qw", "qr", "tx", "ty", "tz", "px", "py", "pz",
+    "vx", "vy", "vz", "roll", "pitch", "yaw", "row", "col", "column", "ring", "line", "tag",
+    "class", "classification", "confidence", "depth", "disparity",
+))
+# fmt: on
 
-_LONGEST_LINE = 1 << 16
-_OTHER_NAMES = {"pos_x": "x", "pos_y": "y", "pos_z": "z", "kf": "keyframe", "kf_id": "keyframe"}
-_SEPARATOR = re.compile(r"[ \t]*[,;][ \t]*|[ \t]+")
-_SEPARATORS = ",; \t"
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
-_TO_BLANK = str.maketrans(",;", "  ")
-_WITHOUT_BLANKS = str.maketrans(";", ",", " \t")
 
+@dataclass
+class Layout:
+    """Which columns hold what.
 
-def blocks(file: TextIO, path: Path) -> Iterator[tuple[int, str]]:
-    """Yield whole lines a few megabytes at a time.
-
-    Yields
-    ------
-    line : int
-        Number of the first of them, from 1.
-    text : str
-
-    Raises
-    ------
-    InputError
-        A line is longer than any row of numbers.
+    Attributes
+    ----------
+    places : dict of str to int
+        Index of each column that is read, by name.
+    most : int or None
+        How many columns a row has at most; None: as many as it likes.
+    least : int
+        How many columns a row has at least.
+    guessed : bool
+        Whether it is a guess that the fourth column is the keyframe.
+    notes : list of str
+        What the user should know about it.
     """
-    line = 1
-    while text := file.read(BLOCK_CHARACTERS):
-        if not text.endswith("\n"):
-            text += file.readline(_LONGEST_LINE)
-        if len(text) - text.rfind("\n") > _LONGEST_LINE:
-            raise InputError(
-                f"{path}:{line + text.count(chr(10))}: found a line of more than "
-                f"{_LONGEST_LINE} characters, expected a line for each point"
-            )
-        yield line, text
-        line += text.count("\n")
+
+    places: dict[str, int]
+    most: int | None = None
+    least: int = 0
+    guessed: bool = False
+    notes: list[str] = field(default_factory=list)
 
 
 def parse_columns(columns: str) -> dict[str, int]:
@@ -85,7 +96,13 @@ def parse_columns(columns: str) -> dict[str, int]:
 
 
 def header_columns(names: Sequence[str]) -> dict[str, int] | None:
-    """Return the index of each known column of a header; None where some lack or are repeated."""
+    """Return the index of each known column of a header; None where some lack or are repeated.
+
+    Parameters
+    ----------
+    names : sequence of str
+        As `bare_name` returns them.
+    """
     known = [_OTHER_NAMES.get(name, name) for name in names]
     if not {*ATTITUDE} <= {*known}:
         # Numbers of another kind have such names, too.
@@ -109,107 +126,17 @@ def _missing(names: Sequence[str]) -> str:
     return f"{', '.join(absent)} missing" if absent else ""
 
 
-def fields(line: str) -> list[str]:
-    """Split a line into fields, empty for missing values; a comment or blank line has none."""
-    line = line.partition("#")[0].strip(" \t").rstrip(_SEPARATORS)
-    if not line or line.startswith("//"):
-        return []
-    return [word.strip("\"'") for word in _SEPARATOR.split(line)]
+def without_units(header: str) -> str:
+    """Return a header without the units and other remarks in brackets."""
+    return _UNIT.sub("", header)
 
 
-def has_decimal_commas(line: str) -> bool:
-    """Return whether a line is of numbers like 1,5 separated by semicolons, blanks or tabs."""
-    words = line.partition("#")[0].strip().rstrip(";").replace(";", " ").split()
-    return len(words) > 1 and all(_DECIMAL_COMMA.fullmatch(word) for word in words)
+def bare_name(name: str) -> str:
+    """Return the name of a column without marks of a comment or quotes, in lower case."""
+    return without_units(name).lstrip("#/% \t").strip(" \t\"'").lower()
 
 
-def header_names(line: str) -> list[str]:
-    """Return the names in a header, commented or not, in lower case."""
-    return [name.lower() for name in fields(line.strip().lstrip("#/"))]
-
-
-def is_blank(line: str) -> bool:
-    """Return whether a line holds nothing but separators; a comment is not blank."""
-    return not line.strip(_SEPARATORS)
-
-
-def is_number(word: str) -> bool:
-    """Return whether Python reads a word as a number; ``nan`` and ``inf`` are numbers."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return "_" not in word
-
-
-def clean(text: str) -> str:
-    """Return lines of fields separated by blanks, missing values as nan, without comments.
-
-    Blank lines are kept; lines that are only a comment are removed.
-    """
-    bare = text.translate(_WITHOUT_BLANKS)
-    plain = not any(mark in text for mark in ("#", "//", '"', "'")) and not any(
-        empty in bare for empty in (",,", ",\n", "\n,")
-    )
-    if plain and not bare.startswith(",") and not bare.endswith(","):
-        return text.translate(_TO_BLANK)
-    lines = ((line, fields(line)) for line in text.split("\n"))
-    return "\n".join(
-        " ".join(word or "nan" for word in words)
-        for line, words in lines
-        if words or is_blank(line)
-    )
-
-
-def numbers(cleaned: str, places: Iterable[int]) -> Float64 | None:
-    """Parse columns of cleaned lines.
-
-    Parameters
-    ----------
-    cleaned : str
-        At least one line that is not blank.
-    places : ints
-        Indices of the columns to return, in this order.
-
-    Returns
-    -------
-    float64 (N, columns) or None
-        Each number as Python's `float` reads it; None if a line is broken.
-    """
-    try:
-        return np.loadtxt(io.StringIO(cleaned), comments=None, usecols=tuple(places), ndmin=2)
-    except ValueError:
-        return None
-
-
-def first_fault(text: str, layout: dict[str, int]) -> tuple[int, str]:
-    """Return the index of the first broken line, and what was found and expected there.
-
-    Parameters
-    ----------
-    text : str
-        Lines of which one is broken.
-    layout : dict of str to int
-        Index of each column, by name.
-    """
-    for number, line in enumerate(text.split("\n")):
-        words = fields(line)
-        for name, place in layout.items() if words else ():
-            if place >= len(words):
-                count = f"{len(words)} column{'s' if len(words) > 1 else ''}"
-                found = f"{count} ({short(line.strip())})"
-                return number, f"found {found}, expected {name} in column {place + 1}"
-            word = words[place]
-            optional = name != "keyframe" and not word
-            if not optional and not (is_number(word) and _may_be(float(word), name)):
-                return number, f"found {short(word) or 'nothing'} as {name}, expected a number"
-    return 0, "found characters among the numbers that are no digits, expected plain numbers"
-
-
-def short(text: str) -> str:
-    """Quote a text, cut to 40 characters; an empty text stays empty."""
-    return repr(text if len(text) <= 40 else text[:37] + "...") if text else ""
-
-
-def _may_be(value: float, name: str) -> bool:
-    return math.isfinite(value) or name != "keyframe"
+def name_others(names: Sequence[str]) -> bool:
+    """Return whether words are names of columns, most of which hold no coordinates."""
+    known = sum(name in _NO_COORDINATES or is_known(name) for name in names)
+    return 3 * known >= 2 * len(names) and len(names) > 1

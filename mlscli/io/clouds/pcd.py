@@ -23,7 +23,7 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.lzf import decompress
-from mlscli.io.clouds.number_lines import Item, open_lines
+from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
@@ -44,13 +44,17 @@ class PcdCloud(PointFile):
     def _read(self) -> Content:
         header = self._header()
         wanted = self._wanted(header)
-        read = {"ascii": self._rows, "binary": self._records}.get(header.data, self._compressed)
-        columns, fault = read(header, wanted)
+        if header.data == "ascii":
+            columns, notes, losses = self._rows(header, wanted)
+        else:
+            read = self._records if header.data == "binary" else self._compressed
+            columns, fault = read(header, wanted)
+            lost = len(columns[0]) < header.points
+            notes = []
+            losses = [shortfall(self.path, len(columns[0]), header.points, fault)] if lost else []
         points = side_by_side(columns[:3])
         clouds = by_keyframe(points, columns[3] if len(columns) > 3 else None, header.position)
-        lost = len(points) < header.points
-        losses = [shortfall(self.path, len(points), header.points, fault)] if lost else []
-        return Content(clouds, header.notes, losses)
+        return Content(clouds, [*header.notes, *notes], losses)
 
     def _header(self) -> _Header:
         """Read the header.
@@ -141,16 +145,19 @@ class PcdCloud(PointFile):
             )
         return wanted
 
-    def _rows(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
-        """Return the wanted columns of a text, and what is wrong with its first broken row."""
+    def _rows(
+        self, header: _Header, wanted: Sequence[int]
+    ) -> tuple[list[Array], list[str], list[str]]:
+        """Return the wanted columns of a text, notes and losses."""
         starts = list(accumulate((field.count for field in header.fields), initial=0))
 
         def pick(row: Sequence[Item], /) -> list[Item]:
             return [row[starts[place]] for place in wanted]
 
         with open_lines(self.path, header.size) as rows:
-            values, fault = rows.read(header.points, pick, starts[-1])
-        return list(values.reshape(-1, len(wanted)).T), fault
+            declared = rows.read(header.points, pick, starts[-1], last=True)
+            beyond = rows.read(ALL, pick, starts[-1], last=True)
+        return put_together(self.path, declared, beyond, header.points, len(wanted))
 
     def _records(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
         """Return the wanted columns of binary records, and no fault."""

@@ -11,10 +11,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from mlscli.errors import InputError
-from mlscli.io.clouds.number_lines import Item, open_lines
+from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
@@ -25,13 +26,14 @@ _TYPES = {
     name: type_
     for type_, names in (
         ("i1", "char int8"),
-        ("u1", "uchar uint8"),
+        ("u1", "uchar uint8 bool"),
         ("i2", "short int16"),
         ("u2", "ushort uint16"),
         ("i4", "int int32"),
         ("u4", "uint uint32"),
         ("i8", "int64"),
         ("u8", "uint64"),
+        ("f2", "half float16"),
         ("f4", "float float32"),
         ("f8", "double float64"),
     )
@@ -55,13 +57,11 @@ class PlyCloud(PointFile):
                 f"{self.path}: has no element vertex, found {names or 'no element at all'}"
             )
         wanted = self._wanted(vertex)
-        columns, fault = (self._records if header.order else self._rows)(header, vertex, wanted)
+        read = self._records if header.order else self._rows
+        columns, notes, losses = read(header, vertex, wanted)
         points = side_by_side(columns[:3])
-        lost = len(points) < vertex.count
-        return Content(
-            by_keyframe(points, columns[3] if len(columns) > 3 else None),
-            losses=[shortfall(self.path, len(points), vertex.count, fault)] if lost else [],
-        )
+        clouds = by_keyframe(points, columns[3] if len(columns) > 3 else None)
+        return Content(clouds, notes, losses)
 
     def _header(self) -> _Header:
         """Read the header.
@@ -116,22 +116,34 @@ class PlyCloud(PointFile):
 
     def _records(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]
-    ) -> tuple[list[Array], str]:
-        """Return the wanted columns of a binary file, and no fault."""
+    ) -> tuple[list[Array], list[str], list[str]]:
+        """Return the wanted columns of a binary file, notes and losses."""
         data = mapped(self.path)[header.size :]
         for element in header.elements[: header.elements.index(vertex)]:
             data = read_structures(data, element.fields, element.count, order=header.order).rest
-        return read_structures(data, vertex.fields, vertex.count, wanted, header.order).columns, ""
+        read = read_structures(data, vertex.fields, vertex.count, wanted, header.order)
+        lost = read.size < vertex.count
+        return read.columns, [], [shortfall(self.path, read.size, vertex.count)] if lost else []
 
     def _rows(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]
-    ) -> tuple[list[Array], str]:
-        """Return the wanted columns of a text, and what is wrong with its first broken row."""
+    ) -> tuple[list[Array], list[str], list[str]]:
+        """Return the wanted columns of a text, notes and losses."""
+        place = header.elements.index(vertex)
+        after = [each for each in header.elements[place + 1 :] if each.count and each.fields]
+        pick = _Picker(vertex.fields, wanted)
         with open_lines(self.path, header.size) as rows:
-            for element in header.elements[: header.elements.index(vertex)]:
-                rows.skip(element.count if element.fields else 0)
-            values, fault = rows.read(vertex.count, _Picker(vertex.fields, wanted), vertex.width)
-        return list(values.reshape(-1, len(wanted)).T), fault
+            for element in header.elements[:place]:
+                rows.skip(element.count, element.width if element.fields else 0)
+            declared = rows.read(vertex.count, pick, vertex.width, last=not after)
+            ends = partial(_is_none_of, vertex, after[0]) if after else None
+            beyond = rows.read(ALL, pick, vertex.width, last=not after, ends=ends)
+        return put_together(self.path, declared, beyond, vertex.count, len(wanted))
+
+
+def _is_none_of(element: _Element, following: _Element, words: Sequence[str]) -> bool:
+    """Return whether a row is no row of an element, or as well one of that which follows."""
+    return element.width is None or len(words) != element.width or following.fits(words)
 
 
 class _Header(NamedTuple):
@@ -173,6 +185,16 @@ class _Element:
     def width(self) -> int | None:
         """How many numbers a row has; None where lists make rows differ."""
         return None if any(field.length for field in self.fields) else len(self.fields)
+
+    def fits(self, words: Sequence[str]) -> bool:
+        """Return whether a row can be one of this element."""
+        at = 0
+        try:
+            for field in self.fields:
+                at += 1 + (int(words[at]) if field.length else 0)
+        except (IndexError, ValueError):
+            return False
+        return at == len(words)
 
 
 class _Picker(NamedTuple):

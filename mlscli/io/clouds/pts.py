@@ -19,7 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mlscli.io.clouds import columns as lines
+from mlscli.io.clouds import dialect
+from mlscli.io.clouds import rows as lines
+from mlscli.io.clouds.dialect import Dialect, is_number, open_text
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 
@@ -33,7 +35,7 @@ def is_pts(head: bytes) -> bool:
     text = io.TextIOWrapper(io.BytesIO(head), "utf-8-sig", "replace")
     match list(islice(filter(None, map(str.split, text)), 2)):
         case [[count], point] if _COUNT.fullmatch(count):
-            return len(point) in _WIDTHS and all(map(lines.is_number, point))
+            return len(point) in _WIDTHS and all(map(is_number, point))
     return False
 
 
@@ -45,8 +47,8 @@ class PtsCloud(PointFile):
     def _read(self) -> Content:
         scans = _Scans()
         last, last_line = "", 1
-        with self.path.open(encoding="utf-8-sig", errors="replace") as file:
-            for line, text in lines.blocks(file, self.path):
+        with open_text(self.path) as file:
+            for line, text in lines.blocks(file):
                 ended, _, last = text.rpartition("\n")
                 scans.add(ended, line)
                 last_line = line + text.count("\n")
@@ -128,9 +130,11 @@ def _parsed(rows: Array, width: int) -> tuple[Float64, Bool]:
     """Return the points of rows of `width` words, and which rows hold numbers only."""
     if not len(rows):
         return np.empty((0, 3)), np.empty(0, dtype=np.bool_)
-    values = lines.numbers("\n".join(rows), range(width))
+    values = lines.alike("\n".join(rows), Dialect("", width), range(width))
     if values is not None:
         return values[:, :3].copy(), np.ones(len(rows), dtype=np.bool_)
-    are_numbers = [all(map(lines.is_number, row.split())) for row in rows]
-    points = [[float(word) for word in row.split()[:3]] for row in compress(rows, are_numbers)]
+    are_numbers = [all(map(is_number, row.split())) for row in rows]
+    points = [
+        [dialect.number(word) for word in row.split()[:3]] for row in compress(rows, are_numbers)
+    ]
     return np.array(points).reshape(-1, 3), np.array(are_numbers)

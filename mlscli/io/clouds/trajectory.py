@@ -1,31 +1,42 @@
-"""Trajectories in the format of the TUM RGB-D benchmark: a pose of a craft on each line.
+"""Trajectories: the poses of a craft, in the formats that `posecolumns.py` lists, or as a PCD.
 
-A line is ``stamp x y z qx qy qz qw``, or ``stamp x y z`` where the attitude is not known, with the
-separators and comments of a text cloud. Time stamps are seconds; where they reach 1e11 (3,000
-years, or 100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3.
+Separators and comments are as in a text cloud. Time stamps are seconds; where they reach 1e11
+(3,000 years, or 100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3, or,
+where they would follow each other at more than 10 kHz then, microseconds or milliseconds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.geometry.poses import PoseTrack, are_poses, identity, in_order, unit
-from mlscli.io.clouds import columns as lines
+from mlscli.io.clouds.dialect import Dialect, open_text
+from mlscli.io.clouds.layouts import SECONDS_BELOW
+from mlscli.io.clouds.opening import Opening, read_opening
+from mlscli.io.clouds.posecolumns import (
+    GRAPH,
+    MATRIX,
+    POSITION,
+    QUATERNION,
+    TUM,
+    PoseColumns,
+    by_names,
+    by_numbers,
+    by_position,
+)
+from mlscli.io.clouds.rows import BrokenRowError, blocks, parse, short
 from mlscli.runtime.arrays import Float64
 
-_COLUMNS = ("stamp", "x", "y", "z", "qx", "qy", "qz", "qw")
-SECONDS_BELOW = 1e11
 _LARGEST_FILE = 1 << 30
-# Lines that show whether a text is a trajectory, and how far quaternions may be from length 1.
-_FIRST_ROWS = 20
-_ROUNDED = 1e-3
+# Stamps to the second, and the least time between poses.
+_UNITS = (("nanoseconds", 1e9), ("microseconds", 1e6), ("milliseconds", 1e3))
+_LEAST_PERIOD = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +55,10 @@ class Trajectory:
         None where not known.
     notes : tuple of str
         What the user should know about how it was read.
+    is_timed : bool
+        Whether the stamps are times; otherwise they only count the poses.
+    is_order_known : bool
+        Whether it is known which component of a quaternion is w.
     """
 
     path: Path
@@ -51,6 +66,8 @@ class Trajectory:
     positions: Float64
     attitudes: Float64 | None
     notes: tuple[str, ...] = ()
+    is_timed: bool = True
+    is_order_known: bool = True
 
     @property
     def route(self) -> Float64:
@@ -68,9 +85,16 @@ class Trajectory:
     def at(self, stamps: Float64) -> Float64:
         """Return the positions, float64 (M, 3), at these stamps (M,), as `PoseTrack` finds them.
 
-        They are NaN where not known, as at a stamp of NaN.
+        They are NaN where not known, as at a stamp of NaN, or if the trajectory has no times.
         """
+        if not self.is_timed:
+            return np.full((len(stamps), 3), np.nan)
         return self.track.at(stamps).translation
+
+    def with_w_first(self) -> Trajectory:
+        """Return the trajectory with quaternions taken as w x y z, where they were as x y z w."""
+        assert self.attitudes is not None
+        return replace(self, attitudes=np.roll(self.attitudes, -1, axis=1), is_order_known=True)
 
 
 def read_trajectory(path: Path) -> Trajectory:
@@ -84,84 +108,140 @@ def read_trajectory(path: Path) -> Trajectory:
     InputError
         The file cannot be read, a line is broken, or there is no pose.
     """
-    text = _without_header(_text(path))
-    first = next((words for line in text.split("\n") if (words := lines.fields(line))), None)
-    if first is None:
-        raise InputError(f"{path}: holds no poses, expected lines of {' '.join(_COLUMNS)}")
-    if len(first) not in (4, 8):
-        raise InputError(
-            f"{path}: found {len(first)} columns, expected {' '.join(_COLUMNS)}, or the first four"
-        )
-    layout = {name: place for place, name in enumerate(_COLUMNS[: len(first)])}
-    rows = lines.numbers(lines.clean(text), layout.values())
-    if rows is None:
-        number, fault = lines.first_fault(text, layout)
-        raise InputError(f"{path}:{number + 1}: {fault}")
-    return _trajectory(path, rows)
-
-
-def is_trajectory(rows: Iterable[Sequence[str]]) -> bool:
-    """Return whether the first rows of a text are those of a trajectory with attitudes.
-
-    Each has eight numbers, of which the first increases from row to row, and the last four are a
-    quaternion of length 1.
-    """
-    some = list(islice(rows, _FIRST_ROWS))
-    if not some or any(len(row) != len(_COLUMNS) for row in some):
-        return False
     try:
-        values = np.array(some, dtype=np.float64)
-    except ValueError:
-        return False
-    # The numbers may be of any size; results are only compared.
-    with np.errstate(over="ignore", invalid="ignore"):
-        lengths = np.sqrt(np.square(values[:, 4:]).sum(axis=1))
-        grows = (np.diff(values[:, 0]) > 0).all()
-        return bool(grows and (np.abs(lengths - 1) < _ROUNDED).all())
+        size = path.stat().st_size
+        if size > _LARGEST_FILE:
+            raise InputError(f"{path}: found {size:,} bytes, expected a trajectory of at most 1 GB")
+        with path.open("rb") as file:
+            if is_pose_graph(file.read(1 << 12)):
+                return _of_graph(path)
+        opening = read_opening(path)
+        if not opening.rows:
+            raise InputError(f"{path}: holds no poses, expected lines of {' '.join(TUM)}")
+        columns = _columns(opening)
+        if columns is None:
+            raise InputError(
+                f"{path}: found {opening.width} columns, expected {' '.join(TUM)}, or the first "
+                "four, or a header that names them"
+            )
+        rows, notes = _rows(path, opening, columns)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if columns.order == "w first":
+        notes.append(f"{path}: the quaternions are taken as w x y z, as VINS and EuRoC write them")
+    return _trajectory(path, rows, columns, notes)
 
 
-def _trajectory(path: Path, rows: Float64) -> Trajectory:
-    """Return the trajectory of rows, float64 (N, 4) or (N, 8)."""
-    stamps, positions = rows[:, 0], rows[:, 1:4]
-    attitudes = rows[:, 4:] if rows.shape[1] == 8 else np.ones((len(rows), 4))
-    known = np.flatnonzero(are_poses(stamps, positions, attitudes))
+def is_pose_graph(head: bytes) -> bool:
+    """Return whether a text that begins with these bytes is a g2o file with poses."""
+    return any(line.startswith(GRAPH) for line in head.decode("utf-8", "replace").split("\n"))
+
+
+def _columns(opening: Opening) -> PoseColumns | None:
+    """Return which columns hold poses; None where that is not known."""
+    named = by_names(opening)
+    if named is not None:
+        return named
+    return by_numbers(opening.rows, opening.width) or by_position(opening.width)
+
+
+def _rows(path: Path, opening: Opening, columns: PoseColumns) -> tuple[Float64, list[str]]:
+    """Return the columns of all rows, float64 (N, columns), and notes."""
+    found, notes, line = [], list[str](), 1
+    with open_text(path) as file:
+        for _ in range(opening.first_line):
+            file.readline()
+        for line, text in blocks(file, opening.first_line + 1):
+            ended, newline, last = text.rpartition("\n")
+            for part, first in ((ended + newline, line), (last, line + text.count("\n"))):
+                try:
+                    if part:
+                        found.append(parse(part, opening.dialect, columns.layout, False).values)
+                except BrokenRowError as broken:
+                    where = f"{path}:{first + broken.line}: {broken.fault}"
+                    if part is ended + newline or not found:
+                        raise InputError(where) from None
+                    notes.append(f"{where}; the text seems to be cut there")
+    return np.concatenate(found), notes
+
+
+def _of_graph(path: Path) -> Trajectory:
+    """Read the poses of a g2o file, in the order of their numbers."""
+    flat, poses = Dialect("", 0), list[tuple[float, ...]]()
+    with open_text(path) as file:
+        for line_number, line in enumerate(file, start=1):
+            words = flat.fields(line)
+            if not words or words[0] not in GRAPH:
+                continue
+            try:
+                name, *numbers = map(float, words[1:])
+                if words[0] == "VERTEX_SE2":
+                    x, y, turn = numbers
+                    pose = (x, y, 0.0, 0.0, 0.0, np.sin(turn / 2), np.cos(turn / 2))
+                else:
+                    x, y, z, qx, qy, qz, qw = numbers
+                    pose = (x, y, z, qx, qy, qz, qw)
+            except ValueError:
+                found = short(line.strip())
+                raise InputError(
+                    f"{path}:{line_number}: found {found}, expected {words[0]} with a number and "
+                    "a pose"
+                ) from None
+            poses.append((name, *pose))
+    layout = by_position(len(TUM))
+    assert layout is not None
+    return _trajectory(path, np.array(poses), layout._replace(order="named"), [], is_timed=False)
+
+
+def _trajectory(
+    path: Path, rows: Float64, columns: PoseColumns, notes: list[str], *, is_timed: bool = True
+) -> Trajectory:
+    """Return the trajectory of rows, float64 (N, columns)."""
+    names = list(columns.layout.places)
+
+    def column(wanted: Sequence[str]) -> Float64:
+        return rows[:, [names.index(name) for name in wanted]]
+
+    attitudes = None
+    if "m00" in names:
+        from scipy.spatial.transform import Rotation
+
+        matrices = column(MATRIX).reshape(-1, 3, 4)
+        positions = matrices[:, :, 3]
+        attitudes = Rotation.from_matrix(matrices[:, :, :3]).as_quat()
+    else:
+        positions = column(POSITION)
+        attitudes = column(QUATERNION) if "qw" in names else None
+    is_timed = is_timed and "stamp" in names
+    stamps = column(["stamp"])[:, 0] if "stamp" in names else np.arange(float(len(rows)))
+    quaternions = np.ones((len(rows), 4)) if attitudes is None else attitudes
+    known = np.flatnonzero(are_poses(stamps, positions, quaternions))
     if not len(known):
         raise InputError(f"{path}: holds no poses, each of its {len(rows)} lines has a fault")
-    notes = []
     if len(known) < len(rows):
         notes.append(
             f"{path}: {len(rows) - len(known)} of {len(rows)} lines tell no pose and are left out"
         )
-    if np.abs(stamps[known]).max() >= SECONDS_BELOW:
-        stamps = stamps / 1e9
-        notes.append(f"{path}: the time stamps are taken as nanoseconds")
+    if not is_timed:
+        notes.append(f"{path}: its poses have no times; it is the route, but places no cloud")
+    elif np.abs(stamps[known]).max() >= SECONDS_BELOW:
+        unit_name, per_second = _unit_of(stamps[known])
+        stamps = stamps / per_second
+        notes.append(f"{path}: the time stamps are taken as {unit_name}")
     order = in_order(stamps, known)
     return Trajectory(
         path,
         stamps[order],
         positions[order] + 0.0,
-        unit(attitudes[order]) if rows.shape[1] == 8 else None,
+        None if attitudes is None else unit(attitudes[order]),
         tuple(notes),
+        is_timed,
+        attitudes is None or bool(columns.order) or "m00" in names,
     )
 
 
-def _text(path: Path) -> str:
-    try:
-        size = path.stat().st_size
-        if size > _LARGEST_FILE:
-            raise InputError(f"{path}: found {size:,} bytes, expected a trajectory of at most 1 GB")
-        return path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-
-
-def _without_header(text: str) -> str:
-    """Blank the first line that is not empty if it is a header of names."""
-    rows = text.split("\n")
-    for number, row in enumerate(rows):
-        words = lines.fields(row)
-        if words:
-            if not any(lines.is_number(word) or not word for word in words):
-                rows[number] = ""
-            break
-    return "\n".join(rows)
+def _unit_of(stamps: Float64) -> tuple[str, float]:
+    """Return the unit of stamps too large for seconds, and how many of it make a second."""
+    steps = np.diff(np.unique(stamps))
+    period = float(np.median(steps)) if len(steps) else np.inf
+    return next((each for each in _UNITS if period / each[1] >= _LEAST_PERIOD), _UNITS[0])

@@ -14,6 +14,7 @@ from mlscli.io.ros import METADATA_FILE
 from mlscli.io.source import Reading, Source
 
 _HEAD = 1 << 16
+_PCD = re.compile(rb"(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:# ?\.PCD|VERSION 0?\.|FIELDS )")
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
@@ -191,7 +192,23 @@ def _is_pts(_: Path, head: bytes) -> bool:
     return is_pts(head)
 
 
+def _is_ptx(_: Path, head: bytes) -> bool:
+    """Return whether a file begins like a PTX: columns, rows, a pose of seven lines."""
+    lines = [line.split() for line in head.split(b"\n", 10)[:10]]
+    widths = [len(words) for words in lines]
+    return widths == [1, 1, 3, 3, 3, 3, 4, 4, 4, 4] and lines[0][0].isdigit()
+
+
+def _is_pcd(_: Path, head: bytes) -> bool:
+    """Return whether a file begins like a PCD, after other comments and blank lines or none."""
+    return bool(_PCD.match(head.removeprefix(b"\xef\xbb\xbf")))
+
+
 def _is_text(path: Path, head: bytes) -> bool:
+    from mlscli.io.clouds.dialect import encoding_of
+
+    if encoding_of(head) != "utf-8-sig":
+        head = head.decode(encoding_of(head), "replace").encode("utf-8", "replace")
     return path.is_file() and bool(head.strip()) and not _CONTROL.search(head)
 
 
@@ -217,10 +234,11 @@ FORMATS = (
     ),
     Format(
         "PCD",
-        _starting(b"# .PCD", b"VERSION 0.", b"VERSION .", b"FIELDS "),
+        _is_pcd,
         _reader("pcd", "PcdCloud"),
         listed=".pcd",
     ),
+    Format("a PTX scan", _is_ptx),
     Format("PTS", _is_pts, _reader("pts", "PtsCloud"), listed=".pts"),
     Format("LAS", _starting(b"LASF"), _reader("las", "LasCloud"), listed=".las and .laz"),
     Format(

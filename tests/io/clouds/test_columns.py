@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mlscli.errors import InputError, UsageError
-from mlscli.io.clouds import columns as columns_module
+from mlscli.io.clouds import rows as rows_module
 from tests.helpers.texts import clouds_of, one_cloud, read
 
 
@@ -98,7 +98,7 @@ def test_a_broken_line_is_named_with_what_was_found(
     words: str,
     block: int,
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", block)
     with pytest.raises(InputError, match=words) as error:
         read(tmp_path, content, columns)
     assert "\n" not in str(error.value)

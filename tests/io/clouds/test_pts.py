@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mlscli.errors import InputError
-from mlscli.io.clouds import columns as columns_module
+from mlscli.io.clouds import rows as rows_module
 from mlscli.io.reading.formats import open_source
 from mlscli.runtime.arrays import Float64
 from tests.helpers.damage import cut, flipped, read_damaged
@@ -102,7 +102,7 @@ def test_what_was_written_is_read_bit_for_bit(
     block: int,
     example: tuple[str, list[list[list[float]]]],
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", block)
     content, scans = example
 
     source = open_source(text(tmp_path, content))
@@ -120,7 +120,7 @@ def test_a_scan_longer_than_a_block_and_a_second_one_come_bit_for_bit(
     tmp_path: Path, layout: str
 ) -> None:
     content = scanned(150_000, layout) + scanned(7, layout)
-    assert len(content) > columns_module.BLOCK_CHARACTERS
+    assert len(content) > rows_module.BLOCK_CHARACTERS
 
     assert read(tmp_path, content) == (parsed(content), [], [])
 
@@ -251,7 +251,7 @@ def test_points_beyond_one_count_make_not_up_for_those_another_scan_lacks(tmp_pa
 def test_broken_lines_are_left_out_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: str, found: str, block: int
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", block)
     content = f"3\n1 2 3 4\n\n{broken}\n7 8 9 9\n1\n{broken}\n1 1 1 1\n"
 
     clouds, notes, losses = read(tmp_path, content)

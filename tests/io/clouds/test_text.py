@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mlscli.errors import InputError
-from mlscli.io.clouds import columns as columns_module
+from mlscli.io.clouds import rows as rows_module
 from mlscli.io.clouds.text import TextCloud
 from tests.helpers.texts import clouds_of, one_cloud, read, text
 
@@ -85,11 +85,14 @@ def written(draw: st.DrawFn) -> tuple[str, list[list[list[float]]]]:
     dice = random.Random(draw(st.integers(0, 2**32)))
     keyframes: dict[int, list[list[float]]] = {}
     lines = []
+    separators = dice.choice(
+        [[",", ", ", " ,"], [";", "; ", ";\t"], ["\t", "\t "], [" ", "  ", "\t", " \t"]]
+    )
     for x, y, z, label in rows:
         keyframes.setdefault(label, []).append([x, y, z])
         line = dice.choice(["", " ", "\t "]) + repr(x)
         for word in (repr(y), repr(z), str(label)):
-            line += dice.choice([" ", "\t", ",", ";", ", ", " ;\t", "  "]) + word
+            line += dice.choice(separators) + word
         line += dice.choice(["", "", ",,", " ; ", "\t"]) + dice.choice(["", "", "# a, comment"])
         lines.append(line)
         lines += dice.choice([[], [], ["# 1 2 3 4"], [""], ["// x"], [" \t"], [",,"]])
@@ -106,7 +109,7 @@ def test_what_was_written_is_read_bit_for_bit(
     block: int,
     example: tuple[str, list[list[list[float]]]],
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", block)
     content, expected = example
 
     clouds = read(tmp_path, content, "x,y,z,keyframe")
@@ -147,7 +150,7 @@ def test_a_byte_order_mark_is_no_part_of_the_first_number(tmp_path: Path) -> Non
 def test_blank_lines_end_a_keyframe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, gap: str, block: int
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", block)
     clouds = clouds_of(tmp_path, f"{gap}1 2 3\n4 5 6\n{gap}7 8 9\n{gap}")
 
     assert clouds == [[[1, 2, 3], [4, 5, 6]], [[7, 8, 9]]]
@@ -173,13 +176,16 @@ def test_a_fourth_column_of_whole_numbers_is_the_keyframe(tmp_path: Path) -> Non
 def test_a_fourth_column_of_anything_else_is_not_used_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str, block: int
 ) -> None:
-    monkeypatch.setattr(columns_module, "BLOCK_CHARACTERS", block)
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", block)
     cloud = TextCloud(text(tmp_path, f"1 0 0 9\n2 0 0 4\n3 0 0 {last}\n"))
 
     assert [c.points.tolist() for c in cloud.clouds()] == [[[1, 0, 0], [2, 0, 0], [3, 0, 0]]]
-    (note,) = cloud.notes
+    note, *others = cloud.notes
     assert "fourth column" in note
     assert "`columns`" in note
+    assert ["1 of 3 rows have more or fewer columns" in note for note in others] == [True] * (
+        not last
+    )
 
 
 def test_columns_after_the_fourth_make_none_a_keyframe_and_are_told(tmp_path: Path) -> None:

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError
-from mlscli.io.clouds.trajectory import Trajectory, is_trajectory, read_trajectory
+from mlscli.io.clouds.opening import read_opening
+from mlscli.io.clouds.posecolumns import are_poses_of_a_craft
+from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
 from tests.helpers.texts import text
 
 
@@ -170,7 +172,9 @@ def test_numbers_beyond_all_measure_are_no_trajectory_and_no_warning(
     tmp_path: Path, stamps_and_first_of_quaternion: list[tuple[str, str]]
 ) -> None:
     rows = [[stamp, *"000", x, *"001"] for stamp, x in stamps_and_first_of_quaternion]
-    assert not is_trajectory(rows)
+    path = tmp_path / "a.txt"
+    path.write_text("\n".join(" ".join(row) for row in rows))
+    assert not are_poses_of_a_craft(read_opening(path))
     rows.append(["3", *"000", *"0001"])
-    (tmp_path / "a.txt").write_text("\n".join(" ".join(row) for row in rows))
+    path.write_text("\n".join(" ".join(row) for row in rows))
     assert len(read_trajectory(tmp_path / "a.txt").stamps) > 0

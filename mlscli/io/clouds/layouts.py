@@ -1,0 +1,150 @@
+"""Which columns of a text cloud hold what: as the user says, by a header, or by position.
+
+By position columns are x, y, z and perhaps the keyframe. That is a guess, and rows can speak
+against it: then the text is refused with what it seems to hold, as ``columns`` can always tell.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mlscli.errors import InputError
+from mlscli.io.clouds.columns import Layout, header_columns, is_known, name_others
+from mlscli.io.clouds.dialect import number
+from mlscli.io.clouds.opening import Opening
+from mlscli.io.clouds.rows import short
+from mlscli.runtime.arrays import Float64
+
+# Coordinates are below it, and time stamps mostly above.
+_LEAST_STAMP = 1e8
+SECONDS_BELOW = 1e11
+"""Time stamps from here on are no seconds."""
+
+_LEAST_ROWS = 5
+_PADDED = re.compile(r"[+-]?0[0-9]+")
+_WHOLE = re.compile(r"[+-]?[0-9]+")
+
+
+def layout_of(path: Path, opening: Opening) -> Layout:
+    """Choose the columns by what stands before the first row, or else by position.
+
+    Raises
+    ------
+    InputError
+        A header names no x, y, z, or other columns than the rows have; or rows without a header
+        show that they do not begin with x, y, z.
+    """
+    if opening.headers:
+        return _by_header(path, opening)
+    for comment in reversed(opening.comments):
+        for names in opening.names(comment):
+            places = header_columns(names)
+            if len(names) == opening.width and places is not None:
+                return Layout(places, *_bounds(opening, names))
+            if len(names) == opening.width and name_others(names):
+                raise InputError(
+                    f"{path}: found the comment {short(comment)}, which names no x, y and z; "
+                    "`columns` says what the columns hold"
+                )
+    _doubt(path, opening)
+    return _by_position(path, opening)
+
+
+def _by_header(path: Path, opening: Opening) -> Layout:
+    """Return the columns that the first header names which names x, y and z."""
+    named = 0
+    for header in opening.headers:
+        for names in opening.names(header):
+            places = header_columns(names)
+            if places is None:
+                continue
+            named = named or len(names)
+            most, least = _bounds(opening, names)
+            if least <= opening.width <= most and max(places.values()) < opening.width:
+                layout = Layout(places, most, least)
+                unused = [name for name in names if not is_known(name)]
+                if unused:
+                    listed = ", ".join(name or "without a name" for name in unused)
+                    layout.notes.append(unused_note(path, f"columns {listed} are"))
+                return layout
+    if named:
+        raise InputError(
+            f"{path}: found a header that names {named} columns, and rows of {opening.width}; "
+            "`columns` says what they hold"
+        )
+    raise InputError(
+        f"{path}: found {opening.headers[0][:60]!r} before the first point, expected "
+        "numbers or a header that names x, y and z once each"
+    )
+
+
+def _bounds(opening: Opening, names: Sequence[str]) -> tuple[int, int]:
+    """Return how many columns a row has at most and at least, where a header has these names.
+
+    Without empty fields a row of fewer columns does not tell which are missing.
+    """
+    return len(names), 0 if opening.dialect.separator else len(names)
+
+
+def _by_position(path: Path, opening: Opening) -> Layout:
+    """Return x y z [keyframe]."""
+    guessed = opening.width == 4
+    layout = Layout({"x": 0, "y": 1, "z": 2, **({"keyframe": 3} if guessed else {})})
+    layout.guessed = guessed
+    if opening.width > len(layout.places):
+        count = opening.width - len(layout.places)
+        layout.notes.append(unused_note(path, f"{count} columns after x, y, z are"))
+    return layout
+
+
+def unused_note(path: Path, what: str) -> str:
+    """Return a note that columns are not used; `what` says which, and ends in a verb."""
+    return f"{path}: the {what} not used; `columns` says what they hold"
+
+
+def _doubt(path: Path, opening: Opening) -> None:
+    """Refuse rows that do not seem to begin with x, y, z."""
+    rows = [row for row in opening.rows if len(row) == opening.width]
+    is_whole = all(_WHOLE.fullmatch(word) for row in rows for word in row)
+    if (
+        opening.dialect.separator == ","
+        and opening.width % 2 == 0
+        and is_whole
+        and any(_PADDED.fullmatch(word) for row in rows for word in row[1::2])
+    ):
+        raise InputError(
+            f"{path}:{opening.first_line + 1}: found {short(opening.lines[0].strip())}, where "
+            "commas seem to be decimal commas and to separate columns; expected decimal points"
+        )
+    leading = _leading(rows)
+    if leading is None:
+        return
+    first, grows = leading[:, 0], bool((np.diff(leading[:, 0]) > 0).all())
+    if grows and (first >= _LEAST_STAMP).all():
+        columns = "t,x,y,z" if first[0] < SECONDS_BELOW else "-,x,y,z"
+        _refuse(path, opening, f"times ({first[0]:.10g})", columns)
+    is_index = bool((np.diff(first) == 1).all()) and first[0] in (0, 1)
+    others = leading[:, 1:]
+    if is_index and opening.width > 3 and (others != np.floor(others)).any(axis=0).all():
+        _refuse(path, opening, f"numbers of rows ({first[0]:.0f}, {first[1]:.0f}, ...)", "-,x,y,z")
+
+
+def _leading(rows: Sequence[Sequence[str]]) -> Float64 | None:
+    """Return the first three numbers of rows; None where they are too few to tell anything."""
+    try:
+        values = np.array([[number(word) for word in row[:3]] for row in rows])
+    except ValueError:
+        return None
+    return values if len(rows) >= _LEAST_ROWS and np.isfinite(values).all() else None
+
+
+def _refuse(path: Path, opening: Opening, found: str, columns: str) -> None:
+    raise InputError(
+        f"{path}: the first of {opening.width} columns seems to hold {found} and not x: try "
+        f"`columns` {columns}; `columns` x,y,z takes it for x all the same, and a trajectory goes "
+        "after `route`"
+    )

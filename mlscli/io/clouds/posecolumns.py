@@ -1,0 +1,187 @@
+"""Which columns of a text hold the poses of a craft: the formats of trajectories that are in use.
+
+- TUM RGB-D, as most write it: ``stamp x y z qx qy qz qw``, and what else follows, such as the
+  covariances of OpenVINS or the numbers of RTAB-Map's nodes; or ``stamp x y z`` alone.
+- EuRoC, Kimera, OKVIS, evo: a header with these names, in any order, such as ``#timestamp [ns],
+  p_RS_R_x [m], ..., q_RS_w []``; so have topics that were printed as text
+  (``field.pose.position.x``).
+- VINS-Mono and VINS-Fusion: eleven columns without a header, ``stamp,x,y,z,qw,qx,qy,qz,vx,vy,vz``.
+  EuRoC's ground truth without its header has seventeen, w first as well.
+- KITTI: twelve columns, a matrix 3 x 4 row by row, without stamps.
+- ``x y z qx qy qz qw`` without stamps.
+- g2o: ``VERTEX_SE3:QUAT id x y z qx qy qz qw`` or ``VERTEX_SE2 id x y theta``, among other lines.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.io.clouds.columns import Layout
+from mlscli.io.clouds.dialect import number
+from mlscli.io.clouds.opening import Opening
+from mlscli.runtime.arrays import Float64
+
+POSITION, QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
+TUM = ("stamp", *POSITION, *QUATERNION)
+MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
+
+GRAPH = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
+"""Words that begin a line of a g2o file with a pose."""
+
+# Rows that show what a text holds, and how far quaternions may be from length 1.
+_FIRST_ROWS = 20
+_ROUNDED = 1e-3
+# Columns of programs that write w first and no header.
+_W_FIRST = (11, 17)
+_ROTATION = [0, 1, 2, 4, 5, 6, 8, 9, 10]
+_AXIS = re.compile(r"(.*?)[._/: ]*([xyzw])")
+_TURNS = re.compile(r"(.*[._/: ])?(q([._].*)?|.*(quat|orient|rotation|attitude).*)")
+_PLACES = re.compile(r"(.*[._/: ])?([pt]?|p[._].*|.*(pos|position|translation))")
+_STAMPS = re.compile(r"(.*[._/: ])?(t|time|ts|secs?|.*time_?stamps?|.*stamps?)(_?n?s(ecs?)?)?")
+
+
+class PoseColumns(NamedTuple):
+    """Which columns hold poses.
+
+    Attributes
+    ----------
+    layout : Layout
+        Of the names in `TUM` or `MATRIX`; without stamp or quaternion where there are none.
+    order : {"", "named", "w first"}
+        Whether a header names the components of the quaternions, or the program that wrote them is
+        known to write w first; empty where x y z w is taken as usual.
+    """
+
+    layout: Layout
+    order: str = ""
+
+
+def by_names(opening: Opening) -> PoseColumns | None:
+    """Return the columns that a header or comment names; None where it names no positions."""
+    for header in (*opening.headers, *reversed(opening.comments)):
+        for names in opening.names(header):
+            if len(names) < opening.width or not opening.width:
+                continue
+            places = _named(names)
+            if places and max(places.values()) < opening.width:
+                order = "named" if "qw" in places else ""
+                return PoseColumns(Layout(places, len(names)), order)
+    return None
+
+
+def by_numbers(rows: Sequence[Sequence[str]], width: int) -> PoseColumns | None:
+    """Return the columns that hold poses by their values; None where none do, or it is unclear.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+        The fields of the first rows.
+    width : int
+        How many fields most rows have.
+    """
+    values = _values(rows, width)
+    if values is None:
+        return None
+    in_time = _grow(values[:, 0])
+    if width == len(MATRIX) and _are_rotations(values):
+        return PoseColumns(_ordered(MATRIX))
+    if width in _W_FIRST and in_time and _are_unit(values[:, 4:8]):
+        return PoseColumns(_ordered((*TUM[:4], "qw", "qx", "qy", "qz")), "w first")
+    if width >= len(TUM) and in_time and _are_unit(values[:, 4:8]):
+        return PoseColumns(_ordered(TUM))
+    if width == len(TUM) - 1 and _are_unit(values[:, 3:7]):
+        return PoseColumns(_ordered(TUM[1:]))
+    return None
+
+
+def by_position(width: int) -> PoseColumns | None:
+    """Return the columns of the plain format: stamp x y z, or with a quaternion."""
+    return PoseColumns(_ordered(TUM[:width])) if width in (4, len(TUM)) else None
+
+
+def are_poses_of_a_craft(opening: Opening) -> bool:
+    """Return whether rows that are to be points are poses.
+
+    Each has a stamp of its own, ascending, and a quaternion of length 1, or a matrix that turns and
+    moves; or they are vertices of a graph of poses. Names are no evidence: points may stand beside
+    the pose from which they were seen.
+    """
+    rows, width = opening.rows[:_FIRST_ROWS], opening.width
+    if rows and rows[0][0].startswith(GRAPH):
+        return True
+    named = by_names(opening)
+    if named is None:
+        found = by_numbers(rows, width)
+        timed = found is not None and "stamp" in found.layout.places
+        wide = width <= len(TUM) or len(rows) > 1
+        return found is not None and wide and (timed or "m00" in found.layout.places)
+    places, values = named.layout.places, _values(rows, width)
+    if values is None or not {*TUM} <= {*places} or len(rows) < 2:
+        return False
+    return _grow(values[:, places["stamp"]]) and _are_unit(
+        values[:, [places[name] for name in QUATERNION]]
+    )
+
+
+def _ordered(names: Sequence[str]) -> Layout:
+    return Layout({name: place for place, name in enumerate(names)})
+
+
+def _named(names: Sequence[str]) -> dict[str, int]:
+    """Return the index of each part of a pose; none where a coordinate is missing.
+
+    Of several columns with such a name, as a velocity or another pose, the first count.
+    """
+    places = dict[str, int]()
+    for place, name in enumerate(names):
+        axis = _AXIS.fullmatch(name)
+        if axis and _TURNS.fullmatch(axis[1]):
+            places.setdefault(f"q{axis[2]}", place)
+        elif axis and axis[2] != "w" and _PLACES.fullmatch(axis[1]):
+            places.setdefault(axis[2], place)
+        elif _STAMPS.fullmatch(name):
+            places.setdefault("stamp", place)
+    if not {*POSITION} <= {*places}:
+        return {}
+    if not {*QUATERNION} <= {*places}:
+        places = {name: place for name, place in places.items() if name not in QUATERNION}
+    return {name: places[name] for name in TUM if name in places}
+
+
+def _values(rows: Sequence[Sequence[str]], width: int) -> Float64 | None:
+    """Return the first rows as numbers (N, width); None where not all are such rows."""
+    some = rows[:_FIRST_ROWS]
+    if not some or any(len(row) != width for row in some):
+        return None
+    return np.array([[_number(word) for word in row] for row in some])
+
+
+def _number(word: str) -> float:
+    """Return the number that a word is; NaN where it is none, as it may not be needed."""
+    try:
+        return number(word)
+    except ValueError:
+        return np.nan
+
+
+def _grow(stamps: Float64) -> bool:
+    return bool((stamps[1:] > stamps[:-1]).all())
+
+
+def _are_unit(quaternions: Float64) -> bool:
+    # The numbers may be of any size; results are only compared.
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.sqrt(np.square(quaternions).sum(axis=1))
+        return bool((np.abs(lengths - 1) < _ROUNDED).all())
+
+
+def _are_rotations(rows: Float64) -> bool:
+    with np.errstate(over="ignore", invalid="ignore"):
+        turns = rows[:, _ROTATION].reshape(-1, 3, 3)
+        products = turns @ turns.transpose(0, 2, 1)
+        near = bool((np.abs(products - np.eye(3)) < _ROUNDED).all())
+        return near and bool((np.linalg.det(turns) > 0).all())

@@ -1,0 +1,230 @@
+"""Read the rows of a text as numbers, a block of lines at a time.
+
+A block whose rows are all alike is parsed by numpy, and counting its separators shows that they
+are; of any other the lines are taken one by one.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, TextIO
+
+import numpy as np
+
+from mlscli.io.clouds.columns import Layout
+from mlscli.io.clouds.dialect import (
+    MARKS,
+    Dialect,
+    has_decimal_comma,
+    is_blank,
+    is_comment,
+    number,
+)
+from mlscli.runtime.arrays import Bool, Float64, Int64
+
+BLOCK_CHARACTERS = 1 << 22
+"""Characters read at a time."""
+
+LONGEST_ROW = 1 << 16
+"""Characters; what is longer is no row of numbers."""
+
+LONGEST_LINE = 1 << 26
+"""Characters of a line that are kept; the rest of it is taken for another line."""
+
+_NEWLINE, _BLANK = 10, 32
+
+
+class Rows(NamedTuple):
+    """The rows of a block.
+
+    Attributes
+    ----------
+    values : float64 (N, columns)
+        The wanted numbers of each.
+    after_blank : bool (N,)
+        Whether a blank line precedes it.
+    ends_blank : bool
+        Whether a blank line ends the block.
+    odd : int
+        How many have more or fewer fields than the dialect's width.
+    """
+
+    values: Float64
+    after_blank: Bool
+    ends_blank: bool
+    odd: int
+
+
+class BrokenRowError(Exception):
+    """A row does not hold the numbers that are wanted.
+
+    Parameters
+    ----------
+    line : int
+        Index of its line in the block.
+    fault : str
+        What was found and expected there.
+    name : str
+        The column that is at fault; empty where it is the whole line.
+    """
+
+    def __init__(self, line: int, fault: str, name: str = "") -> None:
+        super().__init__(fault)
+        self.line = line
+        self.fault = fault
+        self.name = name
+
+
+def blocks(file: TextIO, line: int = 1) -> Iterator[tuple[int, str]]:
+    """Yield whole lines a few megabytes at a time.
+
+    Parameters
+    ----------
+    file : text file
+    line : int
+        Number of the line at which it stands.
+
+    Yields
+    ------
+    line : int
+        Number of the first line.
+    text : str
+    """
+    while text := file.read(BLOCK_CHARACTERS):
+        if not text.endswith("\n"):
+            text += file.readline(LONGEST_LINE)
+        yield line, text
+        line += text.count("\n")
+
+
+def parse(text: str, dialect: Dialect, layout: Layout, after_blank: bool) -> Rows:
+    """Parse the rows of a block.
+
+    Parameters
+    ----------
+    text : str
+        Whole lines.
+    dialect : Dialect
+    layout : Layout
+        The columns that are wanted.
+    after_blank : bool
+        Whether a blank line precedes the block.
+
+    Raises
+    ------
+    BrokenRowError
+        A row lacks a wanted column or has too many, or holds no number there.
+    """
+    values = alike(text, dialect, list(layout.places.values()))
+    if values is not None and not _lacks_keyframes(values, list(layout.places)):
+        starts = np.zeros(len(values), dtype=np.bool_)
+        starts[:1] = after_blank
+        return Rows(values, starts, ends_blank=False, odd=0)
+    points: list[list[float]] = []
+    starting: list[bool] = []
+    odd = 0
+    for index, line in enumerate(text.removesuffix("\n").split("\n")):
+        if len(line) > LONGEST_ROW and not is_comment(line):
+            found = f"found a line of more than {LONGEST_ROW} characters"
+            raise BrokenRowError(index, f"{found}, expected a line for each point")
+        words = dialect.fields(line)
+        if not words:
+            after_blank = after_blank or is_blank(line)
+            continue
+        points.append(_picked(words, layout, index, line))
+        starting.append(after_blank)
+        after_blank = False
+        odd += len(words) != dialect.width
+    picked = np.array(points, dtype=np.float64).reshape(-1, len(layout.places))
+    return Rows(picked, np.array(starting, dtype=np.bool_), after_blank, odd)
+
+
+def alike(text: str, dialect: Dialect, places: Sequence[int]) -> Float64 | None:
+    """Parse rows that all have the dialect's width.
+
+    Parameters
+    ----------
+    text : str
+        Whole lines.
+    dialect : Dialect
+    places : sequence of int
+        Indices of the columns to return, in this order.
+
+    Returns
+    -------
+    float64 (N, columns) or None
+        None where a line is anything but a row of that many fields, with numbers at these places.
+    """
+    if not text.isascii() or any(mark in text for mark in MARKS):
+        return None
+    if max(places) >= dialect.width:
+        return None
+    data = np.frombuffer(text.encode("latin-1", "replace"), dtype=np.uint8)
+    ends = np.flatnonzero(data == _NEWLINE)
+    lines = len(ends) + (data[-1:] != _NEWLINE).sum()
+    if dialect.separator:
+        marks = np.flatnonzero(data == ord(dialect.separator))
+        first = text.partition("\n")[0]
+        each = first.count(dialect.separator)
+        if len(dialect.fields(first)) != dialect.width:
+            return None
+    else:
+        is_word = data > _BLANK
+        begins = is_word.copy()
+        begins[1:] &= ~is_word[:-1]
+        marks, each = np.flatnonzero(begins), dialect.width
+    if len(marks) != lines * each or not _are_even(marks, ends[: lines - 1], each):
+        return None
+    try:
+        values = np.loadtxt(
+            io.StringIO(text),
+            comments=None,
+            delimiter=dialect.separator or None,
+            usecols=places,
+            ndmin=2,
+        )
+    except ValueError:
+        return None
+    return values if len(values) == lines else None
+
+
+def _are_even(marks: Int64, ends: Int64, each: int) -> bool:
+    """Return whether as many marks stand in every line; both are offsets, ascending."""
+    after = marks[each::each] if each else marks
+    return bool((marks[each - 1 : -1 : each] < ends).all() and (after > ends).all())
+
+
+def _picked(words: Sequence[str], layout: Layout, index: int, line: str) -> list[float]:
+    """Return the wanted numbers of a row."""
+    found = f"{len(words)} column{'s' if len(words) > 1 else ''} ({short(line.strip())})"
+    if layout.most is not None and not layout.least <= len(words) <= layout.most:
+        raise BrokenRowError(index, f"found {found}, expected the {layout.most} of the header")
+    picked = []
+    for name, place in layout.places.items():
+        if place >= len(words):
+            fault = f"found {found}, expected {name} in column {place + 1}"
+            raise BrokenRowError(index, fault, name)
+        word = words[place]
+        try:
+            value = number(word)
+        except ValueError:
+            value = None
+        if value is None or (name == "keyframe" and not math.isfinite(value)):
+            fault = f"found {short(word) or 'nothing'} as {name}, expected a number"
+            if has_decimal_comma(word):
+                fault += " with a decimal point"
+            raise BrokenRowError(index, fault, name)
+        picked.append(value)
+    return picked
+
+
+def _lacks_keyframes(values: Float64, names: list[str]) -> bool:
+    """Return whether a number is no keyframe, in the column of that name."""
+    return "keyframe" in names and not np.isfinite(values[:, names.index("keyframe")]).all()
+
+
+def short(text: str) -> str:
+    """Quote a text, cut to 40 characters; an empty text stays empty."""
+    return repr(text if len(text) <= 40 else text[:37] + "...") if text else ""

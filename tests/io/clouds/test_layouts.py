@@ -1,0 +1,147 @@
+"""Columns by what stands before the first row, and doubts about columns by position.
+
+How these tests could be cheated: by refusing all that has a header that is unusual, or all whose
+first column grows. So beside each text that is refused stands one that looks much like it and is
+right, and what is refused is read with `columns`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mlscli.errors import InputError
+from mlscli.io.clouds.opening import read_opening
+from mlscli.io.clouds.text import TextCloud
+from tests.helpers.texts import clouds_of, one_cloud, read, text
+
+GRID = "".join(f"{x} {y} {x * y / 8}\n" for y in range(3) for x in range(12))
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ("Point No;X coord;Y coord;Z coord", "before the first point, expected numbers or a head"),
+        ("x;y;z", "a header that names 3 columns, and rows of 4"),
+        ("id;label;x;y;z", "a header that names 5 columns, and rows of 4"),
+        ("lat;lon;alt;name", "before the first point"),
+        ("# lat;lon;alt;id", "found the comment '# lat;lon;alt;id', which names no x, y and z"),
+        ("// r g b a", "which names no x, y and z"),
+        ("% timestamp, range, azimuth, intensity", "which names no x, y and z"),
+    ],
+)
+def test_a_header_without_x_y_z_or_of_other_columns_is_refused(
+    tmp_path: Path, header: str, words: str
+) -> None:
+    content = f"{header}\n" + "7;0.5;1.5;2.5\n" * 3
+    with pytest.raises(InputError, match=words) as error:
+        read(tmp_path, content)
+    assert "\n" not in str(error.value)
+    assert one_cloud(tmp_path, content, "-,x,y,z") == [[0.5, 1.5, 2.5]] * 3
+
+
+@pytest.mark.parametrize(
+    "comment", ["# made by hand", "# point cloud of the hall", "// 3 scans, of May", "#"]
+)
+def test_other_comments_name_nothing(tmp_path: Path, comment: str) -> None:
+    assert one_cloud(tmp_path, f"{comment}\n1.5 2 3\n") == [[1.5, 2, 3]]
+
+
+def test_missing_values_at_the_end_are_no_missing_columns(tmp_path: Path) -> None:
+    assert one_cloud(tmp_path, "x,y,z,a,b\n1,2,3,,\n4,5,6,7\n") == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
+    ("content", "columns", "first"),
+    [
+        ("".join(f"{1.6e9 + n} 1.5 2.5 {n}.5\n" for n in range(6)), "t,x,y,z", [1.5, 2.5, 0.5]),
+        (
+            "".join(f"{1403636580838555648 + n * 10**8},1,2,{n}\n" for n in range(6)),
+            "-,x,y,z",
+            [1, 2, 0],
+        ),
+        ("".join(f"{n} 1.5 {n / 7} 2.5\n" for n in range(6)), "-,x,y,z", [1.5, 0, 2.5]),
+        ("".join(f"{n};0.5;{n}.5;3.25;9\n" for n in range(1, 7)), "-,x,y,z", [0.5, 1.5, 3.25]),
+    ],
+)
+def test_times_and_numbers_of_rows_are_not_taken_for_x(
+    tmp_path: Path, content: str, columns: str, first: list[float]
+) -> None:
+    with pytest.raises(InputError, match=f"`columns` {columns}; `columns` x,y,z takes it for x"):
+        read(tmp_path, content)
+    (cloud, *_) = read(tmp_path, content, columns)
+    assert cloud.points[0].tolist() == first
+    assert len(read(tmp_path, content, "x,y,z")) == 1
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        GRID,
+        "".join(f"{n} 1.5 {n / 7}\n" for n in range(9)),
+        "".join(f"{500_000.5 + n} 5e6 {n}\n" for n in range(9)),
+        "".join(f"{n} {n % 3} {n % 2}.5 7\n" for n in range(9)),
+    ],
+)
+def test_coordinates_that_grow_are_coordinates(tmp_path: Path, content: str) -> None:
+    (points,) = clouds_of(tmp_path, content)
+    assert points == [[float(word) for word in row.split()[:3]] for row in content.splitlines()]
+
+
+def test_what_is_declared_is_compared_with_what_is_there(tmp_path: Path) -> None:
+    more = TextCloud(text(tmp_path, "2\n" + "1.5,2,3\n" * 3))
+    assert sum(len(cloud.points) for cloud in more.clouds()) == 3
+    assert ["declares 2 points and holds 3" in note for note in more.notes] == [True]
+
+    fewer = TextCloud(text(tmp_path, "5\n" + "1.5,2,3\n" * 3))
+    assert sum(len(cloud.points) for cloud in fewer.clouds()) == 3
+    assert "2 of 5 points are missing: the file ends before them" in fewer.losses[0]
+
+
+@pytest.mark.parametrize(
+    ("end", "fault"),
+    [
+        ("1.5 2.", "found 2 columns"),
+        ("1.5 2.5 3 -", "found 4 columns"),
+        ("1.5 2.5 -", "found 3 columns"),
+        ("1.5 2.5 3e 9 9", "found '3e' as z"),
+        ("\0" * 30, "zero bytes"),
+        ("1.5 2.5 3.5 9 9\0\0\0", "zero bytes"),
+    ],
+)
+def test_a_cut_text_is_read_as_far_as_it_goes(tmp_path: Path, end: str, fault: str) -> None:
+    cloud = TextCloud(text(tmp_path, "1.5 2.5 3.5 9 9\n" * 4 + end))
+
+    assert [each.points.tolist() for each in cloud.clouds()] == [[[1.5, 2.5, 3.5]] * 4]
+    (loss,) = cloud.losses
+    assert f"cloud.txt:5: found {fault.removeprefix('found ')}" in loss
+    assert "the text seems to be cut there" in loss
+    # With a newline after it, it is no cut.
+    if "\0" not in end:
+        with pytest.raises(InputError, match=r"cloud\.txt:5"):
+            read(tmp_path, "1.5 2.5 3.5 9 9\n" * 4 + "1.5 x 2 3 4\n")
+
+
+def test_a_last_row_is_taken_only_if_no_declared_one_is_missing_after_it(tmp_path: Path) -> None:
+    whole = TextCloud(text(tmp_path, "3\n1.5,2,3\n4,5,6\n7,8,9"))
+    assert [len(cloud.points) for cloud in whole.clouds()] == [3]
+    assert whole.losses == []
+    cut = TextCloud(text(tmp_path, "4\n1.5,2,3\n4,5,6\n7,8,9"))
+    assert [len(cloud.points) for cloud in cut.clouds()] == [2]
+    assert len(cut.losses) == 2
+    with pytest.raises(InputError, match="holds no points"):
+        read(tmp_path, "40\n1.5,2,3")
+
+
+def test_the_beginning_of_a_text_is_taken_apart(tmp_path: Path) -> None:
+    path = text(tmp_path, "# one\n\nTitle\n//two\nx, y (m), z\n12\n1, 2, 3\n# three\n4, 5, 6\n")
+    opening = read_opening(path)
+
+    assert opening.dialect == (",", 3)
+    assert opening.headers == ["Title", "x, y (m), z"]
+    assert opening.comments == ["# one", "//two"]
+    assert opening.declared == 12
+    assert opening.first_line == 6
+    assert opening.rows == [["1", "2", "3"], ["4", "5", "6"]]
+    assert next(opening.names("# X (m), Y, Z [cm]")) == ["x", "y", "z"]
