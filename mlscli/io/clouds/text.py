@@ -25,7 +25,7 @@ from mlscli.errors import InputError
 from mlscli.io.clouds.columns import ATTITUDE, CENTRE, Layout, parse_columns
 from mlscli.io.clouds.dialect import open_text
 from mlscli.io.clouds.layouts import layout_of, unused_note
-from mlscli.io.clouds.opening import Opening, read_opening
+from mlscli.io.clouds.opening import read_opening
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.posecolumns import are_poses_of_a_craft
 from mlscli.io.clouds.rows import LONGEST_ROW, BrokenRowError, Rows, blocks, parse, short
@@ -122,7 +122,9 @@ class _Parser:
         self.notes: list[str] = []
         self.losses: list[str] = []
         if not self.opening.rows:
-            raise InputError(f"{path}: {_nothing(self.opening)}")
+            if self.opening.headers:
+                layout_of(path, self.opening)
+            raise InputError(f"{path}: holds no points")
         if columns is None:
             self._refuse_trajectory()
             self.layout = layout_of(path, self.opening)
@@ -248,13 +250,6 @@ class _Parser:
                 f"{self.path}: holds no cloud but a trajectory; name the cloud, and this file "
                 "after `route`, or `columns` -,x,y,z to take it for points all the same"
             )
-
-
-def _nothing(opening: Opening) -> str:
-    """Say that a text has no rows; a line that is neither header nor row is named."""
-    if opening.headers and opening.width and len(opening.headers) > 1:
-        return f"found {opening.headers[0][:60]!r}, expected numbers"
-    return "holds no points"
 
 
 def _all_whole(values: Float64) -> bool:
