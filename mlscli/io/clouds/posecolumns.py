@@ -32,6 +32,8 @@ MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
 GRAPH = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
 """Words that begin a line of a g2o file with a pose."""
 
+_EDGES = ("EDGE_SE3:QUAT", "EDGE_SE2", "FIX")
+
 # Rows that show what a text holds, and how far quaternions may be from length 1.
 _FIRST_ROWS = 20
 _ROUNDED = 1e-3
@@ -111,7 +113,7 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
     the pose from which they were seen.
     """
     rows, width = opening.rows[:_FIRST_ROWS], opening.width
-    if rows and rows[0][0].startswith(GRAPH):
+    if rows and rows[0][0] in (*GRAPH, *_EDGES):
         return True
     named = by_names(opening)
     if named is None:

@@ -1,8 +1,8 @@
 """Trajectories: the poses of a craft, in the formats that `posecolumns.py` lists, or as a PCD.
 
 Separators and comments are as in a text cloud. Time stamps are seconds; where they reach 1e11
-(3,000 years, or 100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3, or,
-where they would follow each other at more than 10 kHz then, microseconds or milliseconds.
+(3,000 years, or 100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3, or
+microseconds or milliseconds, where these make them a date of our time or fewer than 10 kHz.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ from mlscli.io.clouds.rows import BrokenRowError, blocks, parse, short
 from mlscli.runtime.arrays import Float64
 
 _LARGEST_FILE = 1 << 30
-# Stamps to the second, and the least time between poses.
+# Stamps to the second, and the least time between poses, in seconds; and the years 2008 to 2096,
+# in seconds since 1970.
 _UNITS = (("nanoseconds", 1e9), ("microseconds", 1e6), ("milliseconds", 1e3))
 _LEAST_PERIOD = 1e-4
+_THESE_YEARS = (1.2e9, 4e9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,4 +246,7 @@ def _unit_of(stamps: Float64) -> tuple[str, float]:
     """Return the unit of stamps too large for seconds, and how many of it make a second."""
     steps = np.diff(np.unique(stamps))
     period = float(np.median(steps)) if len(steps) else np.inf
-    return next((each for each in _UNITS if period / each[1] >= _LEAST_PERIOD), _UNITS[0])
+    fitting = [each for each in _UNITS if period / each[1] >= _LEAST_PERIOD] or [*_UNITS]
+    low, high = _THESE_YEARS
+    dated = [each for each in fitting if low <= stamps.min() / each[1] <= high]
+    return (dated or fitting)[0]

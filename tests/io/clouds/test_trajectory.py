@@ -15,6 +15,7 @@ import pytest
 from mlscli.errors import InputError
 from mlscli.io.clouds.opening import read_opening
 from mlscli.io.clouds.posecolumns import are_poses_of_a_craft
+from mlscli.io.clouds.text import TextCloud
 from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
 from tests.helpers.texts import text
 
@@ -178,3 +179,139 @@ def test_numbers_beyond_all_measure_are_no_trajectory_and_no_warning(
     rows.append(["3", *"000", *"0001"])
     path.write_text("\n".join(" ".join(row) for row in rows))
     assert len(read_trajectory(tmp_path / "a.txt").stamps) > 0
+
+
+# The formats in use
+
+
+def turned(n: int) -> list[float]:
+    """Return the quaternion x y z w of a craft that yaws by a degree each time."""
+    return [0.0, 0.0, np.sin(n / 115), np.cos(n / 115)]
+
+
+def written(form: str, count: int = 6) -> str:
+    """Return a pose on each line: fields t, ns, n, p (x, y, z) and q (x, y, z, w)."""
+    lines = []
+    for n in range(count):
+        t = 1403636580 + n / 4
+        position, q = [n / 2, n % 2 + 0.25, 1.5], turned(n)
+        ns = 1403636580 * 10**9 + n * 250_000_000
+        lines.append(form.format(t=t, ns=ns, n=n, p=position, q=q))
+    return "\n".join(lines) + "\n"
+
+
+XYZ, XYZW, WXYZ = (
+    "{p[0]} {p[1]} {p[2]}",
+    "{q[0]} {q[1]} {q[2]} {q[3]}",
+    "{q[3]} {q[0]} {q[1]} {q[2]}",
+)
+ROSTOPIC = (
+    "%time,field.header.seq,field.header.stamp,field.header.frame_id,field.pose.position.x,"
+    "field.pose.position.y,field.pose.position.z,field.pose.orientation.x,"
+    "field.pose.orientation.y,field.pose.orientation.z,field.pose.orientation.w\n"
+)
+FORMATS = {
+    "TUM": written(f"{{t}} {XYZ} {XYZW}"),
+    "OpenVINS": "# timestamp(s) tx ty tz qx qy qz qw Pr11 Pr12 Pr13 Pr22 Pr23 Pr33\n"
+    + written(f"{{t}} {XYZ} {XYZW} 0.01 0 0 0.01 0 0.01 "),
+    "OpenVINS without its header": written(f"{{t}} {XYZ} {XYZW} 0.01 0 0 0.01 0 0.01 "),
+    "RTAB-Map": "#timestamp x y z qx qy qz qw id\n" + written(f"{{t}} {XYZ} {XYZW} {{n}}"),
+    "EuRoC": "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], "
+    "q_RS_y [], q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1]\n"
+    + written(f"{{ns}} {XYZ} {WXYZ} 9 9 9").replace(" ", ","),
+    "Kimera": "#timestamp,x,y,z,qw,qx,qy,qz,vx,vy,vz,bgx,bgy,bgz,bax,bay,baz\n"
+    + written(f"{{ns}} {XYZ} {WXYZ} 1 2 3 4 5 6 7 8 9").replace(" ", ","),
+    "OKVIS": "timestamp, p_WS_W_x, p_WS_W_y, p_WS_W_z, q_WS_x, q_WS_y, q_WS_z, q_WS_w\n"
+    + written(f"{{ns}} {XYZ} {XYZW}").replace(" ", ", "),
+    "VINS": written(f"{{ns}} {XYZ} {WXYZ} 0.1 0.2 0.3").replace(" ", ",").replace("\n", ",\n"),
+    "a printed topic": ROSTOPIC
+    + written(f"{{ns}} {{n}} {{ns}} map {XYZ} {XYZW}").replace(" ", ","),
+    "microseconds": "t;x;y;z;qw;qx;qy;qz\n"
+    + written(f"{{ns}} {XYZ} {WXYZ}").replace("000 ", " ").replace(" ", ";"),
+}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_each_format_is_read_as_a_route_and_refused_as_a_cloud(tmp_path: Path, name: str) -> None:
+    trajectory = read(tmp_path, FORMATS[name])
+
+    # float64 holds nanoseconds since 1970 to a quarter of a microsecond.
+    expected = [1403636580 + n / 4 for n in range(6)]
+    np.testing.assert_allclose(trajectory.stamps, expected, rtol=0, atol=1e-6)
+    assert trajectory.positions.tolist() == [[n / 2, n % 2 + 0.25, 1.5] for n in range(6)]
+    assert trajectory.attitudes is not None
+    np.testing.assert_allclose(trajectory.attitudes, [turned(n) for n in range(6)], atol=1e-12)
+    assert trajectory.is_timed
+    with pytest.raises(
+        InputError, match="holds no cloud but a trajectory; name the cloud, and thi"
+    ):
+        list(TextCloud(tmp_path / "traj.txt").clouds())
+
+
+def kitti(n: int) -> str:
+    c, s = np.cos(n / 57.5), np.sin(n / 57.5)
+    return f"{c} {-s} 0 {n / 2} {s} {c} 0 {n % 2 + 0.25} 0 0 1 1.5\n"
+
+
+UNTIMED = {
+    "KITTI": "".join(map(kitti, range(6))),
+    "g2o": "EDGE_SE3:QUAT 0 1 1 2 3\n" + written(f"VERTEX_SE3:QUAT {{n}} {XYZ} {XYZW}") + "FIX 0\n",
+    "positions and quaternions": written(f"{XYZ} {XYZW}"),
+}
+
+
+@pytest.mark.parametrize("name", UNTIMED)
+def test_poses_without_times_are_a_route_that_places_nothing(tmp_path: Path, name: str) -> None:
+    trajectory = read(tmp_path, UNTIMED[name])
+
+    assert trajectory.positions.tolist() == [[n / 2, n % 2 + 0.25, 1.5] for n in range(6)]
+    assert trajectory.attitudes is not None
+    np.testing.assert_allclose(trajectory.attitudes, [turned(n) for n in range(6)], atol=1e-9)
+    assert not trajectory.is_timed
+    assert np.isnan(trajectory.at(np.array([0.0, 1.0]))).all()
+    assert ["its poses have no times" in note for note in trajectory.notes] == [True]
+    cloud = TextCloud(tmp_path / "traj.txt")
+    if name.startswith("positions"):
+        # Points with normals and their curvature look the same.
+        assert len(list(cloud.clouds())) == 1
+    else:
+        with pytest.raises(InputError, match="holds no cloud but a trajectory"):
+            list(cloud.clouds())
+
+
+def test_flat_poses_of_a_graph_turn_about_z(tmp_path: Path) -> None:
+    trajectory = read(tmp_path, "VERTEX_SE2 0 1 2 0\nVERTEX_SE2 1 3 4 1.5707963267948966\n")
+
+    assert trajectory.positions.tolist() == [[1, 2, 0], [3, 4, 0]]
+    assert trajectory.attitudes is not None
+    np.testing.assert_allclose(trajectory.attitudes[1], [0, 0, 0.5**0.5, 0.5**0.5])
+    with pytest.raises(
+        InputError, match=r"traj.txt:2: found 'VERTEX_SE2 1 3', expected VERTEX_SE2"
+    ):
+        read(tmp_path, "VERTEX_SE2 0 1 2 0\nVERTEX_SE2 1 3\n")
+
+
+def test_points_beside_the_pose_that_saw_them_are_points(tmp_path: Path) -> None:
+    # Three points of each time; and points whose normal and curvature have length 1.
+    seen = "t,x,y,z,qx,qy,qz,qw\n" + "".join(f"{n // 3},{n},0.5,1,0,0,0,1\n" for n in range(9))
+    assert len(list(TextCloud(text(tmp_path, seen)).clouds())) == 3
+    normals = "".join(f"{n % 4}.5 {n % 3} 2 0 0 1 0\n" for n in range(9))
+    assert len(list(TextCloud(text(tmp_path, normals)).clouds())) == 1
+
+
+def test_a_trajectory_cut_in_its_last_line_is_read_up_to_there(tmp_path: Path) -> None:
+    trajectory = read(tmp_path, "1 2 3 4 0 0 0 1\n2 3 4 5 0 0 0 1\n3 4 5 6 0")
+
+    assert trajectory.stamps.tolist() == [1, 2]
+    (note,) = trajectory.notes
+    assert "traj.txt:3: found 5 columns" in note
+    assert "cut there" in note
+
+
+def test_which_component_is_w_is_known_by_names_and_programs_alone(tmp_path: Path) -> None:
+    known = {name: read(tmp_path, FORMATS[name]).is_order_known for name in FORMATS}
+    assert [name for name in FORMATS if not known[name]] == ["TUM", "OpenVINS without its header"]
+    swapped = read(tmp_path, written(f"{{t}} {XYZ} {WXYZ}")).with_w_first()
+    assert swapped.is_order_known
+    assert swapped.attitudes is not None
+    np.testing.assert_allclose(swapped.attitudes, [turned(n) for n in range(6)], atol=1e-12)
