@@ -18,7 +18,7 @@ from mlscli.maps.tiled_rows import TiledRows
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.pipeline.stages.stage import PointStage
-from mlscli.runtime.arrays import Bool, Float64, UInt64
+from mlscli.runtime.arrays import Bool, Float32, Float64, Int32, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
 # The words of a row: the packed cell; the point as the stage reads it, its keyframe and sight in
@@ -121,7 +121,46 @@ class FilteredPoints:
 
 def kept(rows: UInt64) -> Points:
     """Return the points that a stage has not dropped, as it left them."""
-    return _points(_without_dropped(rows), _TO_X)
+    size = _count_kept(rows.view(np.float64))
+    xyz, keyframe = np.empty((size, 3)), np.empty(size, dtype=np.int32)
+    sight = np.empty((size, 3), dtype=np.float32)
+    _unpack_kept(
+        rows.view(np.float64), rows.view(np.int32), rows.view(np.float32), xyz, keyframe, sight
+    )
+    return Points(xyz, keyframe, sight)
+
+
+@kernel
+def _count_kept(floats: Float64) -> int:
+    """Return how many of the rows, viewed as float64, a stage has not dropped."""
+    kept = 0
+    for i in range(len(floats)):
+        kept += not np.isnan(floats[i, _TO_Z])
+    return kept
+
+
+@kernel
+def _unpack_kept(
+    floats: Float64, ints: Int32, halves: Float32, xyz: Float64, keyframe: Int32, sight: Float32
+) -> None:
+    """Write the points of rows that a stage has not dropped, as it left them, into arrays.
+
+    Parameters
+    ----------
+    floats, ints, halves
+        The rows, viewed as float64, int32 and float32.
+    xyz, keyframe, sight
+        Of `Points`, with room for them.
+    """
+    n = 0
+    for i in range(len(floats)):
+        if np.isnan(floats[i, _TO_Z]):
+            continue
+        for axis in range(3):
+            xyz[n, axis] = floats[i, _TO_X + axis]
+            sight[n, axis] = halves[i, 2 * _SEEN + 1 + axis]
+        keyframe[n] = ints[i, 2 * _SEEN]
+        n += 1
 
 
 def _as_read(rows: UInt64) -> Points:

@@ -14,6 +14,7 @@ Angle Sonar*, ICRA 1985 (doi:10.1109/ROBOT.1985.1087316).
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,12 +23,18 @@ from mlscli.maps.cells import CellSet
 from mlscli.maps.neighbours import sought
 from mlscli.maps.order import OccupiedCells
 from mlscli.pipeline.stages.ordering import Ordered, cells_of, order_by_cell
-from mlscli.runtime.arrays import Array, Bool, Float64, Int32, UInt64, frozen
+from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt64, frozen
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
 
 # So many sight lines through a patch show that it is none.
 _ENOUGH = 2
+
+# More than the relative error of a few roundings.
+_ROUNDING = 2.0**-45
+
+# Up to so many pairs of a patch and a point are looked at one by one.
+_FEW = 2**18
 
 # How much work a patch is: some thousand sight lines.
 _WEIGHT = 16.0
@@ -86,24 +93,127 @@ class Sights:
         self.asked.append(asked.keys)
         if not self.known:
             return enough
-        points, ordered = self._by_cell(asked.widened(farthest), cell_size)
+        around = _Around(
+            ix.min() * cell_size, (ix.max() + 1.0) * cell_size,
+            iy.min() * cell_size, (iy.max() + 1.0) * cell_size,
+            z.min(), z.max(), cell_size,
+        )  # fmt: skip
+        points = self._near(asked.widened(farthest))
+        able = _able(points.xyz, points.keyframe, self._position, around)
+        seen = points.xyz, points.keyframe, self._position, cell_size, farthest, enough
+        if len(ix) * len(able) <= _FEW:
+            # To order so few points would cost more.
+            _look_along(ix, iy, z, able, *seen)
+            return enough
+        if 2 * len(able) < points.size:
+            points = points.take(able)
+            seen = points.xyz, points.keyframe, *seen[2:]
+        ordered = self._by_cell(points, cell_size)
 
         def look(begin: int, end: int) -> None:
-            _look(
-                begin, end, ix, iy, z, ordered.cells, ordered.order, ordered.z,
-                points.xyz, points.keyframe, self._position, cell_size, farthest, enough,
-            )  # fmt: skip
+            _look(begin, end, ix, iy, z, ordered.cells, ordered.order, ordered.z, *seen)
 
         in_ranges(len(ix), look, weight=_WEIGHT)
         return enough
 
-    def _by_cell(self, cells: CellSet, cell_size: float) -> tuple[Points, Ordered]:
-        """Return the points in cells, and their order by cell; it is kept for the next call."""
-        points = self._near(cells)
+    def _by_cell(self, points: Points, cell_size: float) -> Ordered:
+        """Return the order of points by cell; it is kept for the next call."""
         if points is not self._points or self._ordered is None:
             self._points = points
             self._ordered = order_by_cell(*cells_of(points.xyz, cell_size), points.xyz[:, 2])
-        return points, self._ordered
+        return self._ordered
+
+
+class _Around(NamedTuple):
+    """What holds all patches that are asked about, in the unit of the recording.
+
+    Attributes
+    ----------
+    west, east, south, north : float
+        Edges of cells.
+    low, high : float
+        The least and the greatest height.
+    cell_size : float
+    """
+
+    west: float
+    east: float
+    south: float
+    north: float
+    low: float
+    high: float
+    cell_size: float
+
+
+@kernel
+def _able(xyz: Float64, keyframe: Int32, position: Float64, around: _Around) -> Int64:
+    """Return the numbers of points whose sight lines can pass through a patch, int64 (A,).
+
+    Parameters
+    ----------
+    xyz, keyframe, position
+        As in `_look`.
+    around : _Around
+        Of the patches. Lines that pass it by are left out, but for some.
+    """
+    able = np.empty(len(xyz), dtype=np.int64)
+    size = 0
+    for i in range(len(xyz)):
+        craft_z, point_z = position[keyframe[i], 2], xyz[i, 2]
+        # Where the craft's position is not known, no comparison holds.
+        falls = craft_z > around.low and point_z < around.high
+        if not (falls or (craft_z < around.high and point_z > around.low)):
+            continue
+        craft_x, point_x = position[keyframe[i], 0], xyz[i, 0]
+        craft_y, point_y = position[keyframe[i], 1], xyz[i, 1]
+        # More than the rounding of a place on the line.
+        wide = around.cell_size + (abs(craft_x) + abs(point_x)) * _ROUNDING
+        deep = around.cell_size + (abs(craft_y) + abs(point_y)) * _ROUNDING
+        if (
+            min(craft_x, point_x) < around.east + wide
+            and max(craft_x, point_x) > around.west - wide
+            and min(craft_y, point_y) < around.north + deep
+            and max(craft_y, point_y) > around.south - deep
+        ):
+            able[size] = i
+            size += 1
+    return able[:size]
+
+
+@kernel
+def _look_along(
+    ix: Int32,
+    iy: Int32,
+    z: Float64,
+    able: Int64,
+    xyz: Float64,
+    keyframe: Int32,
+    position: Float64,
+    cell_size: float,
+    farthest: int,
+    enough: Bool,
+) -> None:
+    """Find through which patches enough sight lines pass, along each line; as `_look`.
+
+    Parameters
+    ----------
+    ix, iy, z, xyz, keyframe, position, cell_size, farthest, enough
+        As in `_look`; of all patches.
+    able : int64 (A,)
+        The numbers of the points that can count.
+    """
+    votes = np.zeros(len(ix), dtype=np.int64)
+    for at in able:
+        x, y = np.floor(xyz[at, 0] / cell_size), np.floor(xyz[at, 1] / cell_size)
+        for n in range(len(ix)):
+            if (
+                abs(xyz[at, 2] - z[n]) >= cell_size / 2
+                and abs(x - ix[n]) <= farthest
+                and abs(y - iy[n]) <= farthest
+            ):
+                votes[n] += _passes(position, keyframe[at], xyz, at, ix[n], iy[n], z[n], cell_size)
+    for n in range(len(ix)):
+        enough[n] = votes[n] >= _ENOUGH
 
 
 @kernel

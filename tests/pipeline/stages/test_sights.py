@@ -19,8 +19,10 @@ from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import CellSet
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.lengths import Cells
+from mlscli.pipeline.stages import sights
 from mlscli.pipeline.stages.plaster import Plaster
 from mlscli.pipeline.stages.sights import Sights
+from mlscli.runtime.arrays import Float64, Int64
 from tests.helpers import references
 from tests.helpers.maps import (
     CELL,
@@ -214,6 +216,31 @@ def test_neither_the_order_of_the_points_nor_threads_change_what_was_seen(
     for surface, stage, lines, expected in cases:
         shuffled = [lines[i] for i in rng.permutation(len(lines))]
         assert stage.apply(surface, sights_of(shuffled)) == expected
+
+
+def every(xyz: Float64, *_: object) -> Int64:
+    """Return the numbers of all points: none is left out."""
+    return np.arange(len(xyz))
+
+
+def test_a_few_lines_are_looked_along_as_many_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(6)
+    seen = 0
+    able = sights._able
+    for case in range(160):
+        surface, stage = random_map(rng, fill=0.5), drawn(rng)
+        lines = lines_over(surface, rng)
+        if case % 4 == 0:
+            # From so far that a place on the line is rounded by more than the map is wide.
+            lines = [((a * 1e20, b * 1e20, c * 1e20), point) for (a, b, c), point in lines]
+        maps = []
+        for few, choose in ((0, able), (10**9, able), (0, every), (10**9, every)):
+            monkeypatch.setattr(sights, "_FEW", few)
+            monkeypatch.setattr(sights, "_able", choose)
+            maps.append(stage.apply(surface, sights_of(lines)))
+        assert maps[1:] == maps[:1] * 3
+        seen += maps[0] != stage.apply(surface)
+    assert seen > 5
 
 
 def test_points_far_apart_are_found() -> None:
