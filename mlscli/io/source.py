@@ -41,6 +41,8 @@ class Cloud:
         comes from none.
     axes : {"camera", "body", "unknown"}
         Whose axes these are, see `Axes`.
+    unmeasured : tuple of (str, int)
+        Why points are not finite, and how many; those of which nothing more is known are left out.
     """
 
     points: Float64
@@ -50,6 +52,7 @@ class Cloud:
     attitude: tuple[float, float, float, float] = UNKNOWN_ATTITUDE
     message: int = -1
     axes: Axes = "unknown"
+    unmeasured: tuple[tuple[str, int], ...] = ()
 
     @property
     def has_position(self) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from mlscli.io.messages.laserscan import polar
 from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of, placed
 from mlscli.io.messages.pointcloud2 import Packed, PointField
+from mlscli.io.plausibility.ranges import measured
 from mlscli.runtime.arrays import Array, Float64
 
 # The numbers of foxglove.NumericType, each with its numpy type.
@@ -49,7 +50,9 @@ def decode_foxglove_laserscan(message: Any) -> list[CloudPart]:
     """Decode a ``foxglove.LaserScan``: beams are spread evenly from the first to the last angle."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
-    return [_part(message, polar(ranges, angles), None)]
+    beams, unmeasured = measured(ranges, 0.0, np.inf).accepted(MalformedCloudError)
+    part = _part(message, polar(np.where(beams, ranges, np.nan), angles), None)
+    return [part._replace(unmeasured=unmeasured)]
 
 
 def _part(message: Any, points: Float64, keyframes: Array | None) -> CloudPart:

@@ -2,8 +2,7 @@
 
 References
 ----------
-sensor_msgs/LaserScan: angles turn around z, zero is forward along x; ranges outside of
-[range_min, range_max] should be discarded.
+sensor_msgs/LaserScan: angles turn around z, zero is forward along x.
 """
 
 from __future__ import annotations
@@ -12,17 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.io.messages.parts import CloudPart, part_of
+from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of
+from mlscli.io.plausibility.ranges import measured
 from mlscli.runtime.arrays import Float64
 
 
 def decode_laserscan(message: Any) -> list[CloudPart]:
-    """Decode a ``sensor_msgs/LaserScan``; beams without a valid range are NaN."""
+    """Decode a ``sensor_msgs/LaserScan``; beams that measured nothing are NaN."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = message.angle_min + np.arange(len(ranges)) * message.angle_increment
-    valid = (ranges >= message.range_min) & (ranges <= message.range_max)
-    points = polar(np.where(valid, ranges, np.nan), angles)
-    return [part_of(points, message.header.frame_id, message.header.stamp)]
+    found = measured(ranges, float(message.range_min), float(message.range_max))
+    beams, unmeasured = found.accepted(MalformedCloudError)
+    points = polar(np.where(beams, ranges, np.nan), angles)
+    part = part_of(points, message.header.frame_id, message.header.stamp)
+    return [part._replace(doubts=(found.note,) if found.note else (), unmeasured=unmeasured)]
 
 
 def polar(ranges: Float64, angles: Float64) -> Float64:

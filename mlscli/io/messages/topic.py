@@ -196,8 +196,9 @@ class TopicSource:
         for part in self._parts(message):
             time = part.stamp if math.isnan(stamp) else stamp
             if wanted(time):
+                told = part.unmeasured
                 clouds += [
-                    Cloud(points, time, frame_id=part.frame_id, message=number)
+                    Cloud(points, time, frame_id=part.frame_id, message=number, unmeasured=told)
                     for points in part.split()
                 ]
         return clouds

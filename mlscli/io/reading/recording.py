@@ -222,7 +222,7 @@ class Recording:
                 continue
             if watched is not None and cloud.message >= 0 and placed.points is cloud.points:
                 watched.add(cloud.points, (source.label, cloud.message))
-            points = sieve.measured(self._upright.points(placed.points), cloud.points)
+            points = sieve.measured(self._upright.points(placed.points), cloud)
             if witness is not None:
                 witness.add(placed, points)
             position = UNKNOWN_POSITION

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from mlscli.io.reading.tally import NO_RETURN, REPEATED, Tally
+from mlscli.io.reading.tally import NO_RETURN, NOT_FINITE, REPEATED, Tally
+from mlscli.io.source import Cloud
 from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64
 
@@ -53,16 +54,17 @@ class Sieve:
         """Return points (N, 3), in their sensor's frame, without those at exactly (0, 0, 0)."""
         return self._kept(points, NO_RETURN, _on_any_axis(points != 0))
 
-    def measured(self, points: Float64, recorded: Float64) -> Float64:
+    def measured(self, points: Float64, cloud: Cloud) -> Float64:
         """Return the points that are measured and pass the filters.
 
         Parameters
         ----------
         points : float64 (N, 3)
             In the map frame, without -0.0.
-        recorded : float64 (N, 3)
+        cloud : Cloud
             The same points as recorded.
         """
+        recorded = cloud.points
         unmeasured = () if _all_measured(points) else _UNMEASURED
         for reason, keeps in (*unmeasured, *self._filters):
             kept = keeps(points)
@@ -71,6 +73,7 @@ class Sieve:
             points = self._kept(points, reason, kept)
         if self._seen is not None:
             points = self._kept(points, REPEATED, self._seen.add(recorded + 0.0))
+        self._tally.tell(cloud.unmeasured)
         return points
 
     def _kept(self, points: Float64, reason: str, kept: Bool) -> Float64:
@@ -96,6 +99,6 @@ def _on_any_axis(holds: Bool) -> Bool:
 
 
 _UNMEASURED: tuple[_Filter, ...] = (
-    ("not finite", lambda points: _on_all_axes(np.isfinite(points))),
+    (NOT_FINITE, lambda points: _on_all_axes(np.isfinite(points))),
     ("beyond 1e8", lambda points: _on_all_axes(np.abs(points) <= FARTHEST)),
 )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 NO_RETURN, UNPLACED, REPEATED = "no return", "no transform at their time", "repeated"
+NOT_FINITE = "not finite"
 """Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
 
 
@@ -43,3 +45,11 @@ class Tally:
         """Count dropped points under a reason."""
         if points:
             self.dropped[reason] = self.dropped.get(reason, 0) + points
+
+    def tell(self, reasons: Iterable[tuple[str, int]]) -> None:
+        """Count points that were dropped as not finite under the reasons why they are so."""
+        for reason, points in reasons:
+            self.dropped[NOT_FINITE] -= points
+            self.drop(reason, points)
+            if not self.dropped[NOT_FINITE]:
+                del self.dropped[NOT_FINITE]

@@ -1,0 +1,104 @@
+"""Which ranges of a scan are measurements.
+
+How these tests could be cheated: by dropping all that is at the bound, or whatever comes twice. So
+walls stand as far as the bound, ranges are rounded as scanners round them, and what drivers write
+for nothing hit is what they are known to write.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mlscli.io.plausibility.ranges import NOTHING_HIT, OUT_OF_RANGE, measured
+from mlscli.runtime.arrays import Float64
+
+ANGLES = np.linspace(-1.0, 1.0, 721)
+
+
+def wall(distance: float, step: float = 0.001) -> Float64:
+    """Return the ranges of a straight wall across, as a scanner with such steps tells them."""
+    return np.round(distance / np.cos(ANGLES) / step) * step
+
+
+@pytest.mark.parametrize("distance", [1.0, 16.0, 29.6, 29.999])
+@pytest.mark.parametrize("step", [0.001, 0.01])
+def test_walls_are_walls_as_far_as_the_bound(distance: float, step: float) -> None:
+    ranges = wall(distance, step)
+    found = measured(ranges, 0.1, 30.0)
+
+    assert found.value is not None
+    np.testing.assert_array_equal(found.value.beams, ranges <= 30)
+    assert not found.note
+
+
+@pytest.mark.parametrize("value", [30.0, 29.96, 29.99])
+def test_beams_that_pile_up_at_the_bound_hit_nothing(value: float) -> None:
+    ranges = wall(5.0)
+    ranges[100:140] = value
+    found = measured(ranges, 0.1, 30.0)
+
+    assert found.value is not None
+    np.testing.assert_array_equal(np.flatnonzero(~found.value.beams), np.arange(100, 140))
+    assert found.value.unmeasured == ((NOTHING_HIT, 40),)
+    assert "hit nothing" in found.note
+
+
+def test_what_is_farther_than_nothing_hit_hits_nothing_either() -> None:
+    ranges = np.full(400, 29.96)
+    ranges[:300], ranges[7] = 4.0, 29.99
+    found = measured(ranges, 0.1, 30.0)
+
+    assert found.value is not None
+    assert found.value.unmeasured == ((NOTHING_HIT, 101),)
+
+
+def test_a_few_beams_at_the_bound_and_many_elsewhere_are_walls() -> None:
+    ranges = np.full(400, 4.0)
+    ranges[:12] = 30.0
+    found = measured(ranges, 0.1, 30.0)
+
+    assert found.value is not None
+    assert found.value.beams.all()
+    assert not found.note
+    # Nor are a few beams many, whatever their share.
+    assert not measured(np.array([30.0, 2.0, 30.0]), 0.1, 30.0).note
+
+
+def test_ranges_out_of_bounds_are_counted_and_what_is_not_finite_is_not_among_them() -> None:
+    ranges = np.array([2.0, 0.05, 31.0, 0.0, -1.0, math.inf, -math.inf, math.nan, 30.0])
+    found = measured(ranges, 0.1, 30.0)
+
+    assert found.value is not None
+    assert found.value.beams.tolist() == [True, *[False] * 7, True]
+    assert found.value.unmeasured == ((OUT_OF_RANGE, 4),)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.0, 0.0), (math.nan, math.nan), (0.1, 0.0), (5.0, 1.0), (-1.0, -1.0)]
+)
+def test_bounds_that_are_not_set_bound_nothing(low: float, high: float) -> None:
+    found = measured(np.array([2.0, 0.0, -1.0, 80.0, math.inf]), low, high)
+
+    assert found.value is not None
+    assert found.value.beams.tolist() == [True, False, False, True, False]
+    assert "range_max is not set" in found.note
+
+
+@pytest.mark.parametrize("low", [0.0, -1.0, math.nan])
+def test_a_lower_bound_that_is_not_set_leaves_the_upper_one(low: float) -> None:
+    found = measured(np.array([2.0, 0.0, 80.0]), low, 30.0)
+
+    assert found.value is not None
+    assert found.value.beams.tolist() == [True, False, False]
+    assert not found.note
+
+
+def test_an_upper_bound_may_be_infinite() -> None:
+    found = measured(np.array([2.0, math.inf, 80.0, 80.0, 80.0]), 0.1, math.inf)
+
+    assert found.value is not None
+    assert found.value.beams.tolist() == [True, False, True, True, True]
+    assert not found.note
