@@ -16,20 +16,28 @@ _MOST_PER_BYTE = 88
 """Three bytes repeat at most 264: 88 for each."""
 
 
-def decompress(data: UInt8, size: int) -> UInt8:
-    """Return up to `size` bytes, uint8 (N,): fewer if the data ends early or contradicts itself."""
+def decompress(data: UInt8, size: int) -> tuple[UInt8, int]:
+    """Return up to `size` bytes, uint8 (N,), and how many bytes of the data they came from.
+
+    There are fewer if the data ends early or contradicts itself: if it repeats what lies before the
+    first byte, or its last step reaches beyond `size`.
+    """
     out = np.empty(min(size, _MOST_PER_BYTE * len(data)), dtype=np.uint8)
-    return out[: _decompress(np.ascontiguousarray(data), out)]
+    written, read = _decompress(np.ascontiguousarray(data), out)
+    return out[:written], read
 
 
 @kernel
-def _decompress(data: UInt8, out: UInt8) -> int:
+def _decompress(data: UInt8, out: UInt8) -> tuple[int, int]:
     read = written = 0
     while read < len(data) and written < len(out):
+        step = read
         control = int(data[read])
         read += 1
         if control < 32:
-            length = min(control + 1, len(data) - read, len(out) - written)
+            if control + 1 > len(out) - written:
+                return written, step
+            length = min(control + 1, len(data) - read)
             for k in range(length):
                 out[written + k] = data[read + k]
             read += length
@@ -39,14 +47,14 @@ def _decompress(data: UInt8, out: UInt8) -> int:
                 length += int(data[read])
                 read += 1
             if read == len(data):
-                return written
+                return written, step
             start = written - 1 - ((control & 31) << 8) - int(data[read])
             read += 1
-            if start < 0:
-                return written
-            length = min(length + 2, len(out) - written)
+            if start < 0 or length + 2 > len(out) - written:
+                return written, step
+            length += 2
             # The repeated bytes may overlap those being written.
             for k in range(length):
                 out[written + k] = out[start + k]
         written += length
-    return written
+    return written, read

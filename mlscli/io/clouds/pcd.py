@@ -24,7 +24,7 @@ import numpy as np
 from mlscli.errors import InputError
 from mlscli.io.clouds.lzf import decompress
 from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
-from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
@@ -49,9 +49,7 @@ class PcdCloud(PointFile):
         else:
             read = self._records if header.data == "binary" else self._compressed
             columns, fault = read(header, wanted)
-            lost = len(columns[0]) < header.points
-            notes = []
-            losses = [shortfall(self.path, len(columns[0]), header.points, fault)] if lost else []
+            columns, notes, losses = counted(self.path, columns, header.points, fault)
         points = side_by_side(columns[:3])
         clouds = by_keyframe(points, columns[3] if len(columns) > 3 else None, header.position)
         return Content(clouds, [*header.notes, *notes], losses)
@@ -160,31 +158,45 @@ class PcdCloud(PointFile):
         return put_together(self.path, declared, beyond, header.points, len(wanted))
 
     def _records(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
-        """Return the wanted columns of binary records, and no fault."""
+        """Return the wanted columns of all binary records, and no fault."""
         fields = [
             Member(field.name, field.dtype if place in wanted else f"V{field.size * field.count}")
             for place, field in enumerate(header.fields)
         ]
         data = mapped(self.path)[header.size :]
-        return read_structures(data, fields, header.points, wanted).columns, ""
+        return read_structures(data, fields, None, wanted).columns, ""
 
     def _compressed(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
-        """Return the wanted columns of compressed points, and what is wrong with these."""
-        sizes = [field.size * field.count * header.points for field in header.fields]
-        starts = list(accumulate(sizes, initial=0))
+        """Return the wanted columns of compressed points, and what is wrong with these.
+
+        Raises
+        ------
+        InputError
+            They have another size than points have, or contradict themselves. Where is not known,
+            and after the first wrong byte every point is another one.
+        """
         data = mapped(self.path)[header.size :]
         # Sizes in bytes, compressed and plain; bytes beyond the end of the file are 0.
         lengths = np.zeros(2, dtype="<u4")
         lengths.view(np.uint8)[: len(data[:8])] = data[:8]
         compressed, size = lengths.tolist()
-        if len(data) >= 8 and size != starts[-1]:
+        each = sum(field.size * field.count for field in header.fields)
+        points = size // each if len(data) >= 8 and each and not size % each else header.points
+        if len(data) >= 8 and (size != each * points or points < header.points):
             raise InputError(
-                f"{self.path}: found {size:,} bytes of compressed points, expected {starts[-1]:,} "
-                f"for {header.points:,} points"
+                f"{self.path}: found {size:,} bytes of compressed points, expected "
+                f"{each * header.points:,} for {header.points:,} points"
             )
+        starts = list(
+            accumulate((field.size * field.count * points for field in header.fields), initial=0)
+        )
         packed = data[8 : 8 + compressed]
-        plain = decompress(packed, size)
-        fault = "" if len(data) < 8 + compressed else "the compressed data contradicts itself"
+        plain, used = decompress(packed, size)
+        if len(data) >= 8 + compressed and (len(plain) < size or used < compressed):
+            raise InputError(
+                f"{self.path}: the compressed points are damaged: {used:,} of {compressed:,} bytes "
+                f"yield {len(plain):,} of {size:,}, so that no point can be trusted"
+            )
         columns = [plain[starts[place] : starts[place + 1]] for place in wanted]
         whole = min(
             len(column) // header.fields[place].size
@@ -193,7 +205,7 @@ class PcdCloud(PointFile):
         return [
             column[: whole * header.fields[place].size].view("<" + header.fields[place].dtype)
             for place, column in zip(wanted, columns, strict=True)
-        ], fault
+        ], ""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
-from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall, wanted_fields
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
 from mlscli.runtime.arrays import Array
@@ -117,13 +117,18 @@ class PlyCloud(PointFile):
     def _records(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]
     ) -> tuple[list[Array], list[str], list[str]]:
-        """Return the wanted columns of a binary file, notes and losses."""
+        """Return the wanted columns of a binary file, notes and losses.
+
+        Where nothing is declared to follow the vertices, all that follow are returned.
+        """
         data = mapped(self.path)[header.size :]
-        for element in header.elements[: header.elements.index(vertex)]:
+        place = header.elements.index(vertex)
+        for element in header.elements[:place]:
             data = read_structures(data, element.fields, element.count, order=header.order).rest
-        read = read_structures(data, vertex.fields, vertex.count, wanted, header.order)
-        lost = read.size < vertex.count
-        return read.columns, [], [shortfall(self.path, read.size, vertex.count)] if lost else []
+        is_last = not any(element.count for element in header.elements[place + 1 :])
+        count = None if is_last else vertex.count
+        read = read_structures(data, vertex.fields, count, wanted, header.order)
+        return counted(self.path, read.columns, vertex.count)
 
     def _rows(
         self, header: _Header, vertex: _Element, wanted: Sequence[int]

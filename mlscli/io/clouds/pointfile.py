@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import InputError
+from mlscli.io.plausibility.counts import count_of
 from mlscli.io.source import (
     Cloud,
     StampedPoses,
@@ -20,6 +21,7 @@ from mlscli.io.source import (
     everything,
     keyframe_field,
     rows_by_first_appearance,
+    side_by_side,
 )
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Array, Float64
@@ -156,6 +158,48 @@ def by_keyframe(
     if labels is None or not len(points):
         return [Cloud(points, position=position)]
     return [Cloud(points[rows], position=position) for rows in rows_by_first_appearance(labels)]
+
+
+class Counted(NamedTuple):
+    """The points of a file of which the header declares a number.
+
+    Attributes
+    ----------
+    columns : list of arrays (N,)
+        The wanted columns of those that count.
+    notes, losses : list of str
+        What is said of the number.
+    """
+
+    columns: list[Array]
+    notes: list[str]
+    losses: list[str]
+
+
+def counted(path: Path, columns: list[Array], declared: int, fault: str = "") -> Counted:
+    """Compare the points that are there with the number declared.
+
+    Parameters
+    ----------
+    path : Path
+    columns : list of arrays (N,)
+        The wanted columns of all whole records there are, x, y and z first.
+    declared : int
+    fault : str
+        What is wrong with those that are missing; see `shortfall`.
+    """
+    there = len(columns[0])
+    if there < declared:
+        return Counted(columns, [], [shortfall(path, there, declared, fault)])
+    if there == declared:
+        return Counted(columns, [], [])
+    found = count_of(side_by_side(columns[:3]), declared)
+    count = declared if found.value is None else found.value
+    return Counted(
+        [column[:count] for column in columns],
+        [f"{path}: {found.note}"] if found.note else [],
+        [f"{path}: {found.refusal}"] if found.refusal else [],
+    )
 
 
 def shortfall(path: Path, came: int, declared: int, fault: str = "", what: str = "points") -> str:

@@ -63,16 +63,20 @@ def mapped(path: Path) -> UInt8:
 
 
 def read_structures(
-    data: UInt8, fields: Sequence[Member], count: int, wanted: Sequence[int] = (), order: str = "<"
+    data: UInt8,
+    fields: Sequence[Member],
+    count: int | None,
+    wanted: Sequence[int] = (),
+    order: str = "<",
 ) -> Structures:
-    """Read up to `count` records, or as many as are whole.
+    """Read up to `count` records, or as many as are whole; without a count, all there are.
 
     Parameters
     ----------
     data : uint8 (bytes,)
     fields : sequence of Member
         All fields of a record, in order.
-    count : int
+    count : int or None
         As the file declares it; may exceed what there is.
     wanted : sequence of int
         Indices of the fields to return.
@@ -84,6 +88,8 @@ def read_structures(
         [np.dtype(field.length).itemsize if field.length else 0 for field in fields], dtype=np.int64
     )
     least = int(np.where(lengths > 0, lengths, sizes).sum())
+    if count is None:
+        count = len(data) // least if least else 0
     came = min(count, len(data) // least) if least else count
     if lengths.any():
         slots = np.full(len(fields), -1)

@@ -123,6 +123,11 @@ def likelier(stated: Float64, others: Sequence[Float64]) -> int | None:
     return _by_neighbours(stated, others)
 
 
+def is_scene(points: Float64) -> bool:
+    """Return whether numbers are plausible as the coordinates of points (N, 3)."""
+    return _likelihood(points)[1] >= _SHARE
+
+
 def _likelihood(points: Float64) -> tuple[float, float]:
     """Return how likely numbers are as coordinates, and the share of them in the usual range."""
     sizes = np.abs(points[np.isfinite(points)])

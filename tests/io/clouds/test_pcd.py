@@ -202,14 +202,16 @@ def test_what_was_compressed_comes_back(piece: bytes, times: int, seed: int) -> 
     plain = piece * times
     data = np.frombuffer(compressed(plain, seed), np.uint8)
 
-    assert decompress(data, len(plain)).tobytes() == plain
+    back, used = decompress(data, len(plain))
+    assert back.tobytes() == plain
+    assert used == len(data)
 
 
 @pytest.mark.parametrize("repetition", [b"\x20\x00", b"\x20\x03", b"\x3f\xff", b"\xe0\x00\x09"])
 def test_what_repeats_bytes_before_the_first_ends_it(repetition: bytes) -> None:
     for literal in (b"", b"\x02abc"):
         data = np.frombuffer(literal + repetition + b"\x02xyz", np.uint8)
-        plain = decompress(data, 1000).tobytes()
+        plain = decompress(data, 1000)[0].tobytes()
         if repetition == b"\x20\x00" and literal:
             assert plain == b"abc" + b"ccc" + b"xyz"
         else:
@@ -304,6 +306,11 @@ def test_a_small_file_that_promises_four_gigabytes_costs_little(tmp_path: Path) 
     body = struct.pack("<II", 10, 12 * points) + bytes(10)
     (tmp_path / "a.pcd").write_bytes(pcd("binary_compressed", body, WIDTH=points, POINTS=points))
 
+    assert read_damaged(tmp_path / "a.pcd", PcdCloud) is None
+    with pytest.raises(InputError, match="the compressed points are damaged: 10 of 10 bytes"):
+        read(tmp_path / "a.pcd")
+    (tmp_path / "a.pcd").write_bytes((tmp_path / "a.pcd").read_bytes()[:-1])
+
     found = read_damaged(tmp_path / "a.pcd", PcdCloud)
 
     assert found is not None
@@ -362,3 +369,55 @@ def test_a_flipped_bit_is_an_error_a_loss_or_wrong_numbers(tmp_path: Path, data:
         found = read_damaged(tmp_path / "a.pcd", PcdCloud)
         if found is not None and damaged[:header] == content[:header]:
             assert len(found[0]) == 80 or found[1]
+
+
+@pytest.mark.parametrize("data", ["binary", "binary_compressed"])
+@pytest.mark.parametrize("declared", [0, 1, 20, 35])
+def test_points_beyond_those_declared_are_taken(tmp_path: Path, data: str, declared: int) -> None:
+    columns = [np.random.default_rng(k).uniform(-9, 9, 36).astype("<f4") for k in range(3)]
+    content = pcd(data, body_of(data, columns), WIDTH=declared, POINTS=declared)
+    (tmp_path / "a.pcd").write_bytes(content)
+
+    ((found,), losses) = read(tmp_path / "a.pcd")
+
+    assert found == np.column_stack(columns).astype(float).tolist()
+    assert not losses
+    (note,) = PcdCloud(tmp_path / "a.pcd").notes
+    assert f"its header declares {declared} points, and there are 36; all are taken" in note
+
+
+def test_what_follows_the_points_and_is_none_is_left_out(tmp_path: Path) -> None:
+    columns = [np.random.default_rng(k).uniform(-9, 9, 20).astype("<f4") for k in range(3)]
+    content = pcd("binary", body_of("binary", columns), WIDTH=20, POINTS=20)
+    for tail, lost in [
+        (b"", False),
+        (b"\n", False),
+        (bytes(4096), False),
+        (b"made by a program that signs its files, at some length " * 9, True),
+        (content, True),
+        (np.full(99, 1e30, "<f4").tobytes(), True),
+        (np.full(99, 7e4, "<f4").tobytes(), True),
+    ]:
+        (tmp_path / "a.pcd").write_bytes(content + tail)
+        ((found,), losses) = read(tmp_path / "a.pcd")
+        assert found == np.column_stack(columns).astype(float).tolist()
+        assert bool(losses) == lost, tail[:10]
+        assert not lost or "what follows the 20 points" in losses[0]
+
+
+def test_compressed_points_that_contradict_their_size_are_refused(tmp_path: Path) -> None:
+    columns = [np.random.default_rng(k).integers(0, 4, 400).astype("<f4") for k in range(3)]
+    content = pcd("binary_compressed", packed(columns), WIDTH=400, POINTS=400)
+    begin = content.index(b"DATA binary_compressed\n") + 31
+    # The lengths of steps, some of them; a wrong one moves all that follows.
+    at, steps = begin, []
+    while at < len(content):
+        steps.append(at)
+        control = content[at]
+        at += control + 2 if control < 32 else 2 + (control >> 5 == 7)
+    for place in steps[::7]:
+        damaged = bytearray(content)
+        damaged[place] ^= 1 if damaged[place] < 32 else 64
+        (tmp_path / "a.pcd").write_bytes(damaged)
+        with pytest.raises(InputError, match="the compressed points are damaged"):
+            read(tmp_path / "a.pcd")

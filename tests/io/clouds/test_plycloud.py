@@ -386,3 +386,27 @@ def test_a_flipped_bit_is_an_error_a_loss_or_one_wrong_number(
         assert len(found[0]) == 60 or found[1] or b"vertex 60" not in damaged
         if damaged.startswith(content[: content.index(b"end_header")]) and not found[1]:
             assert np.count_nonzero(np.any(found[0] != expected, axis=1)) <= 1
+
+
+@pytest.mark.parametrize("declared", [0, 20])
+@pytest.mark.parametrize("after", ["", "element face 0\nproperty list uchar int i\n"])
+def test_vertices_beyond_those_declared_are_taken(
+    tmp_path: Path, declared: int, after: str
+) -> None:
+    points = np.random.default_rng(1).uniform(-9, 9, (36, 3)).astype("<f4")
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {declared}\n" + "".join(
+        f"property float {axis}\n" for axis in "xyz"
+    )
+    content = (header + after + "end_header\n").encode() + points.tobytes()
+    (tmp_path / "a.ply").write_bytes(content)
+    cloud = PlyCloud(tmp_path / "a.ply")
+
+    ((found,), losses) = [c.points.tolist() for c in cloud.clouds()], cloud.losses
+    assert found == points.astype(float).tolist()
+    assert not losses
+    assert f"its header declares {declared} points, and there are 36" in cloud.notes[0]
+    # Where something else is declared to follow, what follows is that.
+    if after:
+        (tmp_path / "a.ply").write_bytes(content.replace(b"face 0", b"face 9"))
+        cloud = PlyCloud(tmp_path / "a.ply")
+        assert sum(len(c.points) for c in cloud.clouds()) == declared
