@@ -14,14 +14,17 @@ from itertools import chain, repeat
 from typing import Any, BinaryIO, NamedTuple
 
 import laspy
+import lazrs
 import numpy as np
 
 from mlscli.errors import InputError, one_line
-from mlscli.io.clouds.laz import check_packing, needs_table, readable_points
-from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
+from mlscli.io.clouds.laz import check_packing, is_layered, needs_table, points_end, readable_points
+from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted
 from mlscli.io.clouds.structures import mapped
+from mlscli.io.plausibility.boxes import within_bounds
+from mlscli.io.plausibility.finding import Finding, right
 from mlscli.io.source import keyframe_field, side_by_side
-from mlscli.runtime.arrays import Array, Float64
+from mlscli.runtime.arrays import Array, Bool, Float64, UInt8
 
 # What laspy logs is also raised.
 logging.getLogger("laspy").addHandler(logging.NullHandler())
@@ -30,6 +33,10 @@ _CHUNK_BYTES = 1 << 22
 _HEADER = struct.Struct("<4s90xHII")
 _SHORTEST_HEADER = 227
 _VARIABLE_RECORD = 54
+_RECORD_LENGTH = struct.Struct("<20xH")
+_COUNT, _COUNT_AT = struct.Struct("<I"), 100
+# The place of the table of chunks, and an empty table.
+_EMPTY_LAZ = 16
 
 
 class LasCloud(PointFile):
@@ -38,30 +45,56 @@ class LasCloud(PointFile):
     kind = "LAS cloud"
 
     def _read(self) -> Content:
-        header, one_way = self._header()
-        count = header.point_count
-        tried = (
-            readable_points(header, mapped(self.path)) if header.are_points_compressed else count
-        )
+        header, one_way, notes = self._header()
+        declared, data = header.point_count, mapped(self.path)
+        if header.are_points_compressed:
+            tried = readable_points(header, data)
+            if not tried and not declared and len(data) > header.offset_to_point_data + _EMPTY_LAZ:
+                raise InputError(
+                    f"{self.path}: declares 0 points, though compressed ones follow; how many "
+                    "these are cannot be told"
+                )
+        else:
+            tried = _whole_records(header, data)
+        end = points_end(header, data) if one_way else None
         step = max(1, _CHUNK_BYTES // header.point_format.size)
-        part = self._part(repeat(step), tried, one_way)
+        part = self._part(repeat(step), tried, end)
         for smaller in (256, 1) if part.fault else ():
-            nearer = self._part(chain(part.sizes, repeat(smaller)), tried, one_way)
+            nearer = self._part(chain(part.sizes, repeat(smaller)), tried, end)
             part = max(part, nearer, key=lambda part: sum(part.sizes))
         points = np.concatenate([np.empty((0, 3)), *part.points])
-        labels = np.concatenate(part.labels) if part.labels else None
-        came = sum(part.sizes)
-        withheld = came - len(points)
+        columns = [*points.T, np.concatenate(part.kept) if part.kept else np.empty(0, np.bool_)]
+        if part.labels:
+            columns.append(np.concatenate(part.labels))
+        columns, more, losses = counted(self.path, columns, declared, part.fault)
+        points, kept = points[: len(columns[0])], columns[3]
+        labels = columns[4] if len(columns) > 4 else None
+        withheld = len(points) - int(kept.sum())
+        notes += more
+        if withheld:
+            notes.append(f"{self.path}: {withheld:,} points are flagged as withheld and left out")
+        found = _vouched(header, points, broken=bool(part.fault))
+        if found.value is not None:
+            doubtful = len(points) - int(found.value.sum())
+            kept = kept & found.value
+            if doubtful:
+                losses.append(
+                    f"{self.path}: {doubtful:,} of {declared:,} points are damaged: some lie "
+                    "outside the bounds that the header states"
+                )
+        notes += [f"{self.path}: {found.note}"] if found.note else []
+        whole = bool(kept.all())
         return Content(
-            by_keyframe(points, labels),
-            [f"{self.path}: {withheld:,} points are flagged as withheld and left out"]
-            if withheld
-            else [],
-            [shortfall(self.path, came, count, part.fault)] if came < count else [],
+            by_keyframe(
+                points if whole else points[kept],
+                labels if labels is None or whole else labels[kept],
+            ),
+            notes,
+            losses,
         )
 
-    def _header(self) -> tuple[laspy.LasHeader, bool]:
-        """Return the header, and whether the points can be read without seeking.
+    def _header(self) -> tuple[laspy.LasHeader, bool, list[str]]:
+        """Return the header, whether the points can be read without seeking, and notes.
 
         If so, a file that was cut can be read, too. Only compressed points in chunks of different
         sizes need seeking: to the table of chunks at their end.
@@ -76,23 +109,30 @@ class LasCloud(PointFile):
             _, size, begin, records = _HEADER.unpack_from(data.data)
             if len(data) < max(begin, _SHORTEST_HEADER):
                 raise ValueError(f"the file ends at byte {len(data):,}, before its points")
+            if size > begin:
+                raise ValueError(f"{size:,} bytes of header do not fit before byte {begin:,}")
             # laspy reads as many records as are declared, whether they are there or not.
-            if records * _VARIABLE_RECORD > begin - size:
-                raise ValueError(f"{records:,} variable length records do not fit the header")
+            self._records = _fitting_records(data, size, begin, records)
+            notes = []
+            if self._records < records:
+                notes.append(
+                    f"{self.path}: its header declares {records:,} variable length records, of "
+                    f"which {self._records:,} fit before its points; these begin where it says"
+                )
             with self.path.open("rb") as file:
-                header = laspy.LasHeader.read_from(file)
+                header = laspy.LasHeader.read_from(_Overlaid(file, self._records))
             if not header.are_points_compressed:
-                return header, True
+                return header, True, notes
             (packing,) = header.vlrs.get("LasZipVlr")
             check_packing(header, packing)
-            return header, not needs_table(header, packing, data)
+            return header, not needs_table(header, packing, data), notes
         # laspy fails in many ways on damaged headers.
         except Exception as error:
             raise InputError(
                 f"{self.path}: the header cannot be read: {one_line(error)}"
             ) from error
 
-    def _part(self, steps: Iterable[int], left: int, one_way: bool) -> _ChunkedPoints:
+    def _part(self, steps: Iterable[int], left: int, end: int | None) -> _ChunkedPoints:
         """Read points until `left` of them have come or no more can be read.
 
         Parameters
@@ -100,17 +140,18 @@ class LasCloud(PointFile):
         steps : iterable of int
             How many points to read at a time.
         left : int
-        one_way : bool
-            Whether to read without seeking.
+        end : int or None
+            Offset at which they end, to read without seeking; None: with seeking.
         """
-        part = _ChunkedPoints([], [], [], "")
+        part = _ChunkedPoints([], [], [], [], "")
         with self.path.open("rb") as file:
             try:
                 reader = laspy.LasReader(
-                    _OneWay(file) if one_way else file,
+                    _Overlaid(file, self._records, end),
                     laz_backend=laspy.LazBackend.Lazrs,
                     read_evlrs=False,
                 )
+                reader.header.point_count = left
                 label = keyframe_field(set(reader.header.point_format.extra_dimension_names))
                 for step in steps:
                     if not left:
@@ -118,11 +159,11 @@ class LasCloud(PointFile):
                     chunk = reader.read_points(min(step, left))
                     if not len(chunk):
                         raise EOFError("the file ends before them")
-                    kept = ~np.asarray(chunk.withheld, dtype=np.bool_)
+                    part.kept.append(~np.asarray(chunk.withheld, dtype=np.bool_))
                     xyz = side_by_side([np.asarray(axis) for axis in (chunk.x, chunk.y, chunk.z)])
-                    part.points.append(xyz[kept])
+                    part.points.append(xyz)
                     if label is not None:
-                        part.labels.append(np.asarray(chunk[label])[kept])
+                        part.labels.append(np.asarray(chunk[label]))
                     part.sizes.append(len(chunk))
                     left -= len(chunk)
             # laspy and lazrs fail in many ways on damaged points, panics of Rust included.
@@ -139,33 +180,107 @@ class _ChunkedPoints(NamedTuple):
     Attributes
     ----------
     points : list of float64 (N, 3)
-        Scaled coordinates, without withheld points.
+        Scaled coordinates.
+    kept : list of bool (N,)
+        Which of them are not withheld.
     labels : list of (N,)
-        The keyframe of each of these points; empty where no dimension holds it.
+        The keyframe of each point; empty where no dimension holds it.
     sizes : list of int
-        Number of points read in each chunk, with withheld ones.
+        Number of points read in each chunk.
     fault : str
         Why no more could be read; empty where all were.
     """
 
     points: list[Float64]
+    kept: list[Bool]
     labels: list[Array]
     sizes: list[int]
     fault: str
 
 
-class _OneWay(io.RawIOBase):
-    """A file without seeking."""
+def _vouched(header: laspy.LasHeader, points: Float64, *, broken: bool) -> Finding[Bool]:
+    """Return which points are not damaged, as far as the bounds in the header tell.
 
-    def __init__(self, file: BinaryIO) -> None:
+    Of compressed points, which depend on those before them, whole chunks are left out.
+    """
+    chained = header.are_points_compressed
+    slack = 2 * np.abs(header.scales) + 1e-9 * np.abs(header.maxs)
+    found = within_bounds(
+        points, header.mins, header.maxs, slack, chained=chained, broken=chained and broken
+    )
+    if not chained or found.value is None or found.value.all():
+        return found
+    (packing,) = header.vlrs.get("LasZipVlr")
+    chunk = np.arange(len(points)) // lazrs.LazVlr(packing.record_data).chunk_size()
+    bad = np.unique(chunk[~found.value])
+    # Layers state their sizes, so that a chunk does not depend on the one before.
+    return right(~np.isin(chunk, bad) if is_layered(header) else chunk < bad[0])
+
+
+def _fitting_records(data: UInt8, begin: int, end: int, declared: int) -> int:
+    """Return how many of the variable length records declared lie between two offsets."""
+    count = 0
+    while count < declared and begin + _VARIABLE_RECORD <= end:
+        (length,) = _RECORD_LENGTH.unpack_from(data.data, begin)
+        begin += _VARIABLE_RECORD + length
+        if begin > end:
+            break
+        count += 1
+    return count
+
+
+def _whole_records(header: laspy.LasHeader, data: UInt8) -> int:
+    """Return how many whole points there are in an uncompressed file."""
+    begin, end = header.offset_to_point_data, len(data)
+    for other in (header.start_of_first_evlr, header.start_of_waveform_data_packet_record):
+        if other is not None and begin < other < end:
+            end = other
+    return int((end - begin) // header.point_format.size)
+
+
+class _Overlaid(io.RawIOBase):
+    """A LAS file whose header declares another number of variable length records.
+
+    Parameters
+    ----------
+    file : binary file
+        At its beginning.
+    records : int
+        The number of records.
+    end : int, optional
+        Offset at which it ends, and without which it is read with seeking; with it, without.
+    """
+
+    def __init__(self, file: BinaryIO, records: int, end: int | None = None) -> None:
         self._file = file
+        self._end = end
+        self._records = _COUNT.pack(records)
 
     def readable(self) -> bool:
         """Return True."""
         return True
 
+    def seekable(self) -> bool:
+        """Return whether it is not to be read one way."""
+        return self._end is None
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """Go to an offset."""
+        if self._end is not None:
+            raise io.UnsupportedOperation("seek")
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return the offset."""
+        return self._file.tell()
+
     def readinto(self, buffer: Any, /) -> int:
         """Read into a buffer."""
-        data = self._file.read(len(buffer))
+        at = self._file.tell()
+        size = len(buffer) if self._end is None else min(len(buffer), self._end - at)
+        data = self._file.read(max(size, 0))
+        for place, byte in enumerate(self._records, _COUNT_AT - at) if at < _COUNT_AT + 4 else ():
+            if 0 <= place < len(data):
+                data = data[:place] + bytes([byte]) + data[place + 1 :]
         buffer[: len(data)] = data
         return len(data)

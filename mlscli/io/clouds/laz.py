@@ -74,25 +74,44 @@ def needs_table(header: Any, packing: Any, data: UInt8) -> bool:
 
 
 def readable_points(header: Any, data: UInt8) -> int:
-    """Return how many points to try to read: in layered formats, those of whole chunks."""
+    """Return how many points to try to read: in layered formats, those of whole chunks.
+
+    These are more than the header declares where all chunks, as far as their table, hold more.
+    """
     count: int = header.point_count
-    if header.point_format.id < _LAYERED:
+    if not is_layered(header):
         return count
     layers = _LAYERS[header.point_format.id] + header.point_format.num_extra_bytes
     # A chunk is its first point, the number of its points, the sizes of the layers, and the layers.
     sizes = np.dtype("<u4")
-    at, whole = header.offset_to_point_data + _TABLE_PLACE.size, 0
-    while whole < count:
+    at, end, whole = header.offset_to_point_data + _TABLE_PLACE.size, points_end(header, data), 0
+    while at < end:
         begin = at + header.point_format.size
         at = begin + sizes.itemsize * (1 + layers)
-        if at > len(data):
+        if at > end:
             break
         points, *lengths = data[begin:at].view(sizes).tolist()
         at += sum(lengths)
-        if at > len(data):
+        if at > end:
             break
         whole += points
-    return min(whole, count)
+    is_all = at == end < len(data)
+    return whole if is_all else min(whole, count)
+
+
+def points_end(header: Any, data: UInt8) -> int:
+    """Return the offset at which points end: compressed ones, at the table of their chunks."""
+    at = header.offset_to_point_data + _TABLE_PLACE.size
+    if not header.are_points_compressed or at > len(data):
+        return len(data)
+    (place,) = _TABLE_PLACE.unpack_from(data.data, at - _TABLE_PLACE.size)
+    return place if at <= place <= len(data) else len(data)
+
+
+def is_layered(header: Any) -> bool:
+    """Return whether points are compressed in layers, so that each chunk states its size."""
+    layered: bool = header.point_format.id >= _LAYERED
+    return layered
 
 
 def _items(packing: bytes) -> list[tuple[int, int]]:

@@ -1,0 +1,64 @@
+"""The bounds that a header states of its points, against the points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlscli.io.plausibility.finding import Finding, doubted, right
+from mlscli.runtime.arrays import Bool, Float64
+
+_MOST, _MOST_CHAINED = 0.1, 0.99
+"""Where more than this share of the points lies too far outside, the bounds are wrong, not the
+points: of points that are stored one by one, and of those that are chained."""
+
+
+def within_bounds(
+    points: Float64,
+    low: Float64,
+    high: Float64,
+    slack: Float64,
+    *,
+    chained: bool = False,
+    broken: bool = False,
+) -> Finding[Bool]:
+    """Return which points can be what was measured, by the bounds of all of them.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+    low, high : float64 (3,)
+        The bounds as the header states them; all zero where they were never set.
+    slack : float64 (3,)
+        How far points may lie outside, as they are rounded.
+    chained : bool
+        Whether each point is stored as what differs from the one before, so that one wrong byte
+        moves all that follow.
+    broken : bool
+        Whether something is known to be wrong with them; then the bounds are right.
+
+    Returns
+    -------
+    Finding of bool (N,)
+        False for points whose numbers are damaged: few that lie outside by more than the whole
+        extent, or, if chained, any that lie outside. All True, with a note, where points lie
+        outside otherwise: then the bounds are not theirs.
+    """
+    extent = high - low
+    is_set = np.isfinite(extent).all() and (extent >= 0).all() and (low.any() or high.any())
+    all_kept = np.ones(len(points), dtype=np.bool_)
+    if not is_set or not len(points):
+        return right(all_kept)
+    if (points.min(axis=0) >= low - slack).all() and (points.max(axis=0) <= high + slack).all():
+        return right(all_kept)
+    inside = ((points >= low - slack) & (points <= high + slack)).all(axis=1)
+    reach = slack if chained else slack + float(extent.max())
+    near = ((points >= low - reach) & (points <= high + reach)).all(axis=1)
+    far = len(points) - int(near.sum())
+    most = 1 if broken else _MOST_CHAINED if chained else _MOST
+    if not far or far > most * len(points):
+        return doubted(
+            all_kept,
+            f"{len(points) - int(inside.sum()):,} of {len(points):,} points lie outside the bounds "
+            "that its header states; they are taken",
+        )
+    return right(np.asarray(near))
