@@ -75,7 +75,9 @@ def _map_frame(topic: Topic, tree: TransformTree) -> str:
 def lines(description: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of the report on topics and frames; takes what `describe` returns."""
     topics, frames = description["topics"], description["frames"]
-    rows = [(t["name"], t["type"], _count(t["messages"]), _good_for(t)) for t in topics]
+    rows = [
+        (t["name"], t["type"] or "no type", _count(t["messages"]), _good_for(t)) for t in topics
+    ]
     widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)]
     for name, type_, count, good_for in rows:
         yield (f"    {name:<{widths[0]}}  {type_:<{widths[1]}}  {count:>{widths[2]}}  {good_for}")

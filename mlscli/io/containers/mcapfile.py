@@ -81,8 +81,10 @@ class McapFile(ChunkedFile):
         return super()._load(file, chunk)
 
     def _declared_counts(self) -> Mapping[int, int]:
-        if self._statistics is not None:
-            return self._statistics.channel_message_counts
+        counts = self._statistics.channel_message_counts if self._statistics is not None else {}
+        # A writer may leave them out, which says nothing of the messages.
+        if self._statistics is not None and (counts or not self._statistics.message_count):
+            return counts
         return super()._declared_counts()
 
     def _find_chunks(self, file: BinaryIO) -> None:

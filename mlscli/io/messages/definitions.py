@@ -6,6 +6,7 @@ is allocated for what it describes.
 
 from __future__ import annotations
 
+import re
 import struct
 
 from rosbags.interfaces import Nodetype
@@ -27,6 +28,8 @@ FILLER = "structure_needs_at_least_one_member"
 
 # Lines of 80 equals signs separate the definitions of several files.
 _SEPARATOR = "=" * 80 + "\n"
+
+_INCLUDE = re.compile(r"^[ \t]*#[ \t]*include[^\n]*$", re.MULTILINE)
 
 # In bytes; the largest fixed part of a message that holds points or poses has some 700.
 _LARGEST_FIXED_PART = 2**16
@@ -104,6 +107,8 @@ def _parsed(channel: Channel) -> Typesdict:
             "ros2idl"
         )
     types: Typesdict = {}
+    # Definitions that a file includes follow in the recording.
+    text = _INCLUDE.sub("", text)
     for part in text.split(_SEPARATOR):
         # Where there are several, each begins with a line that names it.
         idl = part.partition("\n")[2] if part.startswith("IDL: ") else part

@@ -125,7 +125,11 @@ def checked(type_: str, decode: Callable[_P, _R]) -> Callable[_P, _R]:
                 return decode(*args, **kwargs)
         except MalformedCloudError:
             raise
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        except AttributeError as error:
+            raise MalformedCloudError(
+                f"is not laid out as {type_} is: a field {error.name} is missing"
+            ) from error
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
             raise MalformedCloudError(f"is not laid out as {type_} is: {error}") from error
 
     return decode_checked

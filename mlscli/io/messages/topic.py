@@ -20,6 +20,9 @@ from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, CloudPart, Malfor
 from mlscli.io.ros import NANOSECONDS
 from mlscli.io.source import Clock, Cloud, PassOver, StampedPoses, Topic, Wanted, everything
 
+_NO_TYPE = "no type"
+"""What stands for the type of a channel without a schema."""
+
 
 class TopicSource:
     """A topic of a container; each pass reads its clouds again and never holds them all.
@@ -299,6 +302,14 @@ class TopicSource:
             return self._named(self._asked)
         mappable = [topic for topic in self._topics if topic.mappable]
         if not mappable:
+            unread = [topic for topic in self._topics if topic.type in CLOUD_TYPES]
+            if unread:
+                reasons = "; ".join(f"{topic.name}: {topic.why_not}" for topic in unread[:3])
+                more = f"; and {len(unread) - 3:,} more" if len(unread) > 3 else ""
+                raise InputError(
+                    f"{self.path}: holds no clouds that can be read: {reasons}{more}"
+                    f"{self._damage()}"
+                )
             raise InputError(
                 f"{self.path}: holds no clouds, found {_listed(self._topics)}; can be mapped: "
                 f"{MAPPABLE}{self._damage()}"
@@ -340,7 +351,7 @@ class TopicSource:
             count = None if None in parts else sum(filter(None, parts))
             why_not, frame = faults.get((name, type_), ""), ""
             if type_ not in CLOUD_TYPES:
-                why_not = f"{type_} cannot be mapped; can be mapped: {MAPPABLE}"
+                why_not = f"{type_ or _NO_TYPE} cannot be mapped; can be mapped: {MAPPABLE}"
             elif not why_not:
                 first = next(self._messages((type_,), name), None)
                 if first is None:
@@ -373,7 +384,10 @@ def _same(name: str, other: str) -> bool:
 
 
 def _listed(topics: Sequence[Topic]) -> str:
-    return ", ".join(f"{t.name} ({t.type}{_times(t.count)})" for t in topics) or "no topics"
+    return (
+        ", ".join(f"{t.name} ({t.type or _NO_TYPE}{_times(t.count)})" for t in topics)
+        or "no topics"
+    )
 
 
 def _times(count: int | None) -> str:

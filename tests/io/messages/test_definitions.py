@@ -121,3 +121,15 @@ def test_channels_do_not_change_the_types_of_others() -> None:
 
     assert typestore_of(point_cloud).fielddefs["sensor_msgs/msg/PointCloud2"] != before
     assert get_typestore(Stores.LATEST).fielddefs["sensor_msgs/msg/PointCloud2"] == before
+
+
+def test_what_a_definition_in_idl_includes_follows_in_the_recording() -> None:
+    idl = (
+        f"{'=' * 80}\nIDL: a_msgs/msg/A\n#include \"a_msgs/msg/B.idl\"\n"
+        "module a_msgs { module msg { struct A { a_msgs::msg::B b; }; }; };\n"
+        f"{'=' * 80}\nIDL: a_msgs/msg/B\n  # include <none.idl>\n"
+        "module a_msgs { module msg { struct B { double x; }; }; };\n"
+    )
+    channel = Channel("/a", "a_msgs/msg/A", "cdr", idl.encode(), "ros2idl", None)
+
+    assert set(typestore_of(channel).fielddefs) >= {"a_msgs/msg/A", "a_msgs/msg/B"}
