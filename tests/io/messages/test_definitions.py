@@ -125,7 +125,7 @@ def test_channels_do_not_change_the_types_of_others() -> None:
 
 def test_what_a_definition_in_idl_includes_follows_in_the_recording() -> None:
     idl = (
-        f"{'=' * 80}\nIDL: a_msgs/msg/A\n#include \"a_msgs/msg/B.idl\"\n"
+        f'{"=" * 80}\nIDL: a_msgs/msg/A\n#include "a_msgs/msg/B.idl"\n'
         "module a_msgs { module msg { struct A { a_msgs::msg::B b; }; }; };\n"
         f"{'=' * 80}\nIDL: a_msgs/msg/B\n  # include <none.idl>\n"
         "module a_msgs { module msg { struct B { double x; }; }; };\n"
