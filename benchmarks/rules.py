@@ -38,7 +38,10 @@ THESIS = {
     for name in given
 }
 # They belong together: with a share asked for, more neighbours count, and fewer must be there.
-_OF_MEDIAN = {f"median.{name}" for name in ("max_nb", "min_nb", "level", "min_share", "max_slope")}
+_OF_MEDIAN = {
+    f"median.{name}"
+    for name in ("max_nb", "min_nb", "level", "min_share", "column_share", "max_slope")
+}
 TUNED = (("bridge", "bridge-walls", "house", "planes", "planes-walls"), (11, 12))
 _OTHERS = (
     *("table", "village-thesis", "house-storeys", "street"),
@@ -73,9 +76,11 @@ def settings() -> dict[str, dict[str, str]]:
         ("median.min_nb", ("3", "6")),
         ("median.max_nb", ("16", "32")),
         ("median.min_share", ("0.2", "0.4")),
+        ("median.column_share", ("0", "0.05", "0.2")),
         ("median.max_slope", ("0", "1")),
         ("median.nb_radius", ("2.5 cells", "4 cells")),
-        ("orphans.horizontal", ("1 cell", "3 cells")),
+        ("orphans.horizontal", ("2 cells", "4 cells")),
+        ("orphans.min_share", ("0", "0.05")),
         ("orphans.min_neighbours", ("0", "3")),
         ("walls.join", ("1 cell", "3 cells")),
         ("walls.along", ("0", "1 cell")),

@@ -58,6 +58,8 @@ def test_the_summary_as_json_has_the_numbers_of_the_map(folder: Path) -> None:
         "median.min_nb=4",
         "--set",
         "median.nb_radius=0.11",
+        "--set",
+        "median.column_share=0",
     )
     done = mls("build", "flight.txt", "-o", "a.npz", "--json", *arguments, cwd=folder)
     account = json.loads(done.stdout)

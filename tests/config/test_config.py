@@ -56,8 +56,9 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
                 level=Cells(1),
                 min_share=0.3,
                 max_slope=2.0,
+                column_share=0.1,
             ),
-            Orphans(horizontal=Cells(2), vertical=Cells(2), min_neighbours=1),
+            Orphans(horizontal=Cells(3), vertical=Cells(1), min_neighbours=1, min_share=0.03),
             Walls(
                 height_thresh=0.5,
                 max_gap=Cells(1),

@@ -47,12 +47,14 @@ _median = st.builds(Median, **_of_median) | st.builds(
     level=st.sampled_from([0.3, Cells(1)]),
     min_share=st.sampled_from([0.0, 0.3]),
     max_slope=st.sampled_from([0.0, 0.4, 2.0]),
+    column_share=st.sampled_from([0.0, 0.1, 0.6]),
 )
 _orphans = st.builds(
     Orphans,
     horizontal=st.sampled_from([1.3, 0.5, 0.0]),
     vertical=st.sampled_from([0.3, 0.0]),
     min_neighbours=st.integers(1, 2),
+    min_share=st.sampled_from([0.0, 0.1, 0.4]),
 )
 _walls = st.builds(
     Walls,

@@ -21,6 +21,7 @@ def median(
     recentre: float = 0.0,
     level: float = math.inf,
     min_share: float = 0.0,
+    column_share: float = 0.0,
 ) -> list[tuple[Point, int]]:
     rows = [tuple(row) for row in points.xyz.tolist()]
 
@@ -41,7 +42,14 @@ def median(
         around = neighbours(i, z)
         speak = [other for other in around if abs(other - z) <= level]
         if len(speak) < max(min_nb, min_share * len(around)):
-            continue
+            column = [
+                oz
+                for j, (ox, oy, oz) in enumerate(rows)
+                if i != j and (ox - x) * (ox - x) + (oy - y) * (oy - y) <= nb_radius * nb_radius
+            ]
+            alike = sum(abs(oz - z) <= level for oz in column)
+            if not column_share or alike < max(2, column_share * len(column)):
+                continue
         heights = sorted([z, *neighbours(i, z)])
         middle = heights[len(heights) // 2]
         if 0 < recentre < abs(middle - z):

@@ -23,20 +23,26 @@ def cells(length: float, cell_size: float) -> int:
 
 
 def orphans(
-    patches: list[Patch], cell_size: float, horizontal: float, vertical: float, min_neighbours: int
+    patches: list[Patch],
+    cell_size: float,
+    horizontal: float,
+    vertical: float,
+    min_neighbours: int,
+    min_share: float = 0.0,
 ) -> list[Patch]:
     half = cells(horizontal, cell_size)
 
-    def neighbours(patch: Patch) -> int:
-        return sum(
-            other is not patch
-            and abs(other.ix - patch.ix) <= half
-            and abs(other.iy - patch.iy) <= half
-            and apart(patch, other) <= vertical
+    def stays(patch: Patch) -> bool:
+        around = [
+            other
             for other in patches
-        )
+            if abs(other.ix - patch.ix) <= half and abs(other.iy - patch.iy) <= half
+        ]
+        alike = [other for other in around if apart(patch, other) <= vertical]
+        points, all_points = (sum(other.count for other in some) for some in (alike, around))
+        return len(alike) - 1 >= min_neighbours and points >= min_share * all_points
 
-    return [patch for patch in patches if neighbours(patch) >= min_neighbours]
+    return [patch for patch in patches if stays(patch)]
 
 
 Rank = Callable[[Patch, Patch, int], tuple[float, ...] | None]
@@ -129,7 +135,13 @@ def plaster(
     for length in _passes(max_gap, max_gap_enhanced):
         certain, allowed = cells(max_gap, cell_size), cells(length, cell_size)
         judge = _surfaces(
-            patches, certain, gap_size, clearance if support else math.inf, support, over_lower
+            patches,
+            certain,
+            gap_size,
+            clearance if support else math.inf,
+            clearance + slope * cell_size,
+            support,
+            over_lower,
         )
         judge = judge if seen is None else _unseen(judge, certain, seen)
         closings = _closings(patches, certain, allowed, rank, lambda patch: patch.height, judge)
@@ -187,15 +199,23 @@ def _surfaces(
     certain: int,
     gap_size: float,
     level: float,
+    sloping: float,
     support: int,
     over_lower: bool,
 ) -> Judge:
-    """Return what tells whether a wide gap is level, in a surface and above nothing lower."""
+    """Return what tells whether a wide gap is level, in a surface and above nothing lower.
+
+    And whether a narrow one is empty, or in a surface.
+    """
 
     def judge(near: Patch, far: Patch, step: tuple[int, int], d: int) -> bool:
-        if d - 1 <= certain:
-            return True
         back = -step[0], -step[1]
+        if d - 1 <= certain:
+            inside = {(near.ix + step[0] * k, near.iy + step[1] * k) for k in range(1, d)}
+            ends = (near, back), (far, step)
+            return not any(other.cell in inside for other in patches) or all(
+                _around_edge(patches, end, away, sloping) >= support for end, away in ends
+            )
         edges = _around_edge(patches, near, back, level), _around_edge(patches, far, step, level)
         if abs(near.height - far.height) > level or min(edges) < support:
             return False

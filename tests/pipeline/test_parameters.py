@@ -60,7 +60,7 @@ def test_a_cell_size_that_is_none_is_refused(cell_size: float) -> None:
 
 def test_a_length_of_more_cells_than_can_be_numbered_is_refused() -> None:
     assert "at most 2147483647" in only_fault_of("map: {thickness: 1e300 cells}")
-    text = "map: {cell_size: 1e-300}\npipeline: [regions: {height_thresh: 1e10}]"
+    text = "map: {cell_size: 1e-9}\npipeline: [regions: {height_thresh: 1e10}]"
     assert "p.yaml:2:37: regions.height_thresh: " in only_fault_of(text)
 
 

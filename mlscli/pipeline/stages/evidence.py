@@ -12,13 +12,18 @@ there must be as many cells behind each end as the gap has, or that number.
 A **surface** is closed over a wide gap only where both ends are level with each other and each is
 the edge of a level surface: of the five cells behind and beside it (straight behind, to both sides,
 and the corners between these), enough hold a patch that is level with it. And nothing may lie more
-than `gap_size` below what would close the gap: what was seen there was seen through it.
+than `gap_size` below what would close the gap: what was seen there was seen through it. A narrow
+gap is closed on slopes, too, and where nothing else was seen in it, whatever its ends are. Where
+something was, maybe at another height, its ends must be edges as well: single outliers above a
+surface find each other.
 
 A **hole** in a column of a wall, if it is a high one, is filled only where enough of the eight
 cells around hold a vertical patch that covers more than half of its height.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +33,21 @@ from mlscli.maps.patches import distance
 from mlscli.pipeline.stages.gaps import Lines, between
 from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
 from mlscli.runtime.kernels import inner, kernel
+
+
+class Support(NamedTuple):
+    """What the end of a gap needs to be the edge of a surface.
+
+    Attributes
+    ----------
+    level : float
+        Heights that differ by no more belong together.
+    needed : int
+        Of the five cells behind and beside an end, so many must hold a patch that belongs to it.
+    """
+
+    level: float
+    needed: int
 
 
 @kernel
@@ -141,11 +161,11 @@ def are_surfaces(
     certain: int,
     cells: OccupiedCells,
     height: Float64,
-    level: float,
-    needed: int,
+    narrow: Support,
+    wide: Support,
     deepest: float,
 ) -> Bool:
-    """Return which gaps are narrow, or in a level surface with nothing below, bool (G,).
+    """Return which gaps are empty and narrow, or in a surface, a level one if wide; bool (G,).
 
     Parameters
     ----------
@@ -155,28 +175,31 @@ def are_surfaces(
         The occupied cells, and where their patches begin.
     height : float64 (P,)
         The heights of all patches.
-    level : float
-        Heights that differ by no more are level.
-    needed : int
-        Of the five cells behind and beside an end, so many must hold a patch level with it.
+    narrow, wide : Support
+        What the ends of gaps need, those that are surely closed and wider ones.
     deepest : float
-        A patch farther than this below what would close a gap keeps it open.
+        A patch farther than this below what would close a wide gap keeps it open.
     """
     holds = np.empty(len(pairs), dtype=np.bool_)
     for n in range(len(pairs)):
         cell, near, there, far = pairs[n]
-        if lines.position[there] - lines.position[cell] - 1 <= certain:
+        is_wide = lines.position[there] - lines.position[cell] - 1 > certain
+        if not is_wide and lines.after[cell] == there:
             holds[n] = True
             continue
+        support = wide if is_wide else narrow
+        level, needed = support.level, support.needed
         # Away from the gap, at its near end.
         dx = int(np.sign(cells.ix[cell] - cells.ix[there]))
         dy = int(np.sign(cells.iy[cell] - cells.iy[there]))
         behind, beyond = lines.before[cell], lines.after[there]
         holds[n] = (
-            abs(height[far] - height[near]) <= level
+            (not is_wide or abs(height[far] - height[near]) <= level)
             and _is_edge(cell, near, behind, dx, dy, across, cells, height, level, needed)
             and _is_edge(there, far, beyond, -dx, -dy, across, cells, height, level, needed)
-            and not _is_above(cell, near, there, far, lines, cells.start, height, deepest)
+            and not (
+                is_wide and _is_above(cell, near, there, far, lines, cells.start, height, deepest)
+            )
         )
     return holds
 
@@ -204,8 +227,10 @@ def _is_edge(
         The next occupied cell of its line, away from the gap; -1: none.
     dx, dy : int
         The step in x and y to the cell straight behind.
-    across, cells, height, level, needed
+    across, cells, height
         As in `are_surfaces`.
+    level, needed
+        As in `Support`.
     """
     x, y = int(cells.ix[cell]), int(cells.iy[cell])
     aside, ahead = abs(dy), abs(dx)
@@ -234,10 +259,12 @@ def _is_level(
         The number, which need not exist.
     x, y : int
         Cell indices.
-    cells, height, level
+    cells, height
         As in `are_surfaces`.
     z : float
         A height.
+    level : float
+        As in `Support`.
     """
     found = 0
     if is_at(cells.ix, cells.iy, cell, x, y):

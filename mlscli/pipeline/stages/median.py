@@ -13,11 +13,13 @@ of its new height and of the neighbours that it has there.
 Two rules are better than the thesis's on real clouds, where whole regions are thin, and where walls
 end. With `level`, a point is held against its own surroundings: only neighbours that lie at most so
 far above or below it speak for it, at least `min_nb` of them, and at least the share `min_share` of
-all; the others lie on a surface that the point is not part of. With `max_slope`, heights are
-compared along the slope on which the neighbours lie (see `mlscli.pipeline.stages.slope`); those at
-the distance of the last that counts count as well. Where they lie on no slope up to that one, along
-walls, trunks and poles, the point keeps its height: a median would move the ends of what is upright
-towards its middle.
+all; the others lie on a surface that the point is not part of. With `column_share`, a point for
+which too few of them speak is kept all the same where at least that share of the points around it,
+at any height, lies level with it: where little was seen, little is enough. With `max_slope`,
+heights are compared along the slope on which the neighbours lie (see
+`mlscli.pipeline.stages.slope`); those at the distance of the last that counts count as well. Where
+they lie on no slope up to that one, along walls, trunks and poles, the point keeps its height: a
+median would move the ends of what is upright towards its middle.
 
 Points that lie close together share one search: all candidates are collected once. Where only the
 nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours: even
@@ -49,6 +51,8 @@ _TOGETHER = 16
 _FIRST_MARGIN = 1.4
 # The search begins with no less than the radius divided by this.
 _NEAREST = 64
+# Fewer points level with another say nothing, however few there are around.
+_FEWEST_LEVEL = 2
 # The mask that stands for all points.
 _ALL = np.empty(0, dtype=np.bool_)
 
@@ -87,6 +91,13 @@ class Median(PointStage):
         "on none, the point keeps its height; 0: heights are compared as they are",
         low=0,
     )
+    column_share: float = parameter(
+        0.0,
+        "a point for which too few neighbours speak is kept if at least two others lie level with "
+        "it, and this share of all within nb_radius sideways, whatever their heights; 0: never",
+        low=0,
+        high=1,
+    )
 
     def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
         """Yield a fault where no point could have enough neighbours, or a share means nothing."""
@@ -101,6 +112,12 @@ class Median(PointStage):
                 "min_share",
                 f"{self.min_share} does nothing where level is 0, as all neighbours speak for a "
                 "point; set level, such as 1 cells, or min_share: 0",
+            )
+        if self.column_share > 0 and in_units(self.level, 1.0) == 0:
+            yield Fault(
+                "column_share",
+                f"{self.column_share} does nothing where level is 0; set level, such as 1 cells, "
+                "or column_share: 0",
             )
 
     def reach(self, cell_size: float) -> int:
@@ -137,6 +154,7 @@ class Median(PointStage):
             in_units(self.level, cell_size) or np.inf,
             float(self.min_share),
             float(self.max_slope),
+            float(self.column_share),
         )
         grid = PointGrid.of(xyz, rule.radius)
         height = np.empty(len(xyz))
@@ -167,6 +185,8 @@ class Rule(NamedTuple):
         The least share of the neighbours that must speak for a point.
     max_slope : float
         The steepest slope along which heights are compared; 0: along none.
+    column_share : float
+        The share of the points around it, at any height, that is enough to keep it; 0: none is.
     """
 
     radius: float
@@ -176,6 +196,7 @@ class Rule(NamedTuple):
     level: float
     min_share: float
     max_slope: float
+    column_share: float
 
 
 @kernel
@@ -286,7 +307,11 @@ def _filter_together(
                 reaches += np.sqrt(limit)
                 several += 1
             if not again and not _belongs(there[HEIGHT], n, z, rule):
-                break
+                if rule.column_share == 0.0:
+                    break
+                farthest = radius * radius
+                if not _stands_out(grid, around, i, rule):
+                    break
             if rule.max_slope > 0.0:
                 place = (xyz[i, 0], xyz[i, 1], z)
                 n = carry(there, there_size, place, limit, radius, rule.max_slope)
@@ -311,6 +336,21 @@ def _belongs(heights: Float64, n: int, z: float, rule: Rule) -> bool:
     for j in range(n):
         speak += abs(heights[j] - z) <= rule.level
     return bool(speak >= rule.min_nb and speak >= rule.min_share * n)
+
+
+@inner
+def _stands_out(grid: PointGrid, around: Int64, i: int, rule: Rule) -> bool:
+    """Return whether enough of all points around point i, at any height, lie level with it."""
+    xyz, fine, first = grid.xyz, grid.fine, grid.first
+    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+    level, everything = -1, -1  # The point itself is one of them.
+    for column in around:
+        for j in range(fine[first[column]], fine[first[column + 1]]):
+            dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
+            if dx * dx + dy * dy <= rule.radius * rule.radius:
+                everything += 1
+                level += abs(xyz[j, 2] - z) <= rule.level
+    return bool(level >= _FEWEST_LEVEL and level >= rule.column_share * everything)
 
 
 @inner

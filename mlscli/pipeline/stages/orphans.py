@@ -3,6 +3,11 @@
 A patch stays if at least `min_neighbours` other patches lie in its box: cell indices within
 `horizontal` in x and in y, and the distance of the intervals [height - depth, height] at most
 `vertical`. Patches of the same cell count.
+
+With `min_share`, it must also be a part of what was measured around it: of the points of all
+patches in the columns of its box, it and those near it in height hold at least that share. Outliers
+that lie near each other bear each other out, but where a surface was seen well, they are few beside
+its points. A surface that was seen as seldom as all around it is none of them.
 """
 
 from __future__ import annotations
@@ -36,6 +41,13 @@ class Orphans(MapStage):
         Cells(2), "greatest vertical distance of a neighbour in the search box", low=0
     )
     min_neighbours: int = parameter(1, "a patch with fewer others in its box is removed", low=0)
+    min_share: float = parameter(
+        0.0,
+        "a patch is removed if it and the others in its box hold a smaller share of the points in "
+        "the box's columns, at any height",
+        low=0,
+        high=1,
+    )
 
     def reach(self, cell_size: float) -> int:
         """Return half the width of the box in whole cells."""
@@ -48,11 +60,24 @@ class Orphans(MapStage):
         half_x = min(half_y, int(cells.ix[-1]) - int(cells.ix[0])) if len(cells.ix) else 0
         vertical = in_units(self.vertical, surface.cell_size)
         low, high, stays = surface.low_end, surface.height, np.empty(surface.size, dtype=np.bool_)
+        half, points = (half_x, half_y), np.zeros(surface.size + 1, dtype=np.int64)
+        np.cumsum(surface.count, out=points[1:])
 
         def look_around(begin: int, end: int) -> None:
-            _look_around(
-                begin, end, *cells, low, high, half_x, half_y, vertical, self.min_neighbours, stays
-            )
+            _look_around(begin, end, *cells, low, high, *half, vertical, self.min_neighbours, stays)
+            if self.min_share > 0:
+                _weigh(
+                    begin,
+                    end,
+                    *cells,
+                    low,
+                    high,
+                    points,
+                    *half,
+                    vertical,
+                    float(self.min_share),
+                    stays,
+                )
 
         in_ranges(len(cells.ix), look_around, weight=LIGHT)
         return surface.take(stays)
@@ -120,3 +145,57 @@ def _look_around(
                         neighbours += distance(low[i], high[i], low[j], high[j]) <= vertical
                     there += 1
             stays[i] = neighbours >= min_neighbours
+
+
+@kernel
+def _weigh(
+    begin: int,
+    end: int,
+    ix: Int32,
+    iy: Int32,
+    start: Int64,
+    low: Float64,
+    high: Float64,
+    points: Int64,
+    half_x: int,
+    half_y: int,
+    vertical: float,
+    min_share: float,
+    stays: Bool,
+) -> None:
+    """Find the patches of cells `begin` to `end` that are too small a part of what is around them.
+
+    Parameters
+    ----------
+    begin, end, ix, iy, start, low, high, half_x, half_y, vertical
+        As in `_look_around`.
+    points : int64 (P + 1,)
+        How many points all patches before each one have.
+    min_share : float
+        The least share of the points around.
+    stays : bool (P,)
+        Receives False for patches of these cells that hold less.
+    """
+    columns = 2 * half_x + 1
+    # For each column of the box, its first cell, and the first one beyond it.
+    first, beyond = np.full(columns, -1, dtype=np.int64), np.full(columns, -1, dtype=np.int64)
+    for cell in range(begin, end):
+        lowest, highest = np.int64(iy[cell]) - half_y, np.int64(iy[cell]) + half_y
+        everything = 0
+        for column in range(columns):
+            x = np.int64(ix[cell]) + column - half_x
+            first[column] = sought(ix, iy, first[column], x, lowest)
+            beyond[column] = sought(ix, iy, beyond[column], x, highest + 1)
+            everything += points[start[beyond[column]]] - points[start[first[column]]]
+        enough = min_share * everything
+        for i in range(start[cell], start[cell + 1]):
+            alike = points[i + 1] - points[i]
+            # The patch's own column comes first: mostly it suffices.
+            for column in range(half_x, half_x + columns):
+                if alike >= enough:
+                    break
+                column %= columns
+                for j in range(start[first[column]], start[beyond[column]]):
+                    near = distance(low[i], high[i], low[j], high[j]) <= vertical
+                    alike += (points[j + 1] - points[j]) * (near & (j != i))
+            stays[i] &= alike >= enough

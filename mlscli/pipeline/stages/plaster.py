@@ -13,8 +13,9 @@ read the same input and the higher patch stays, as its section 6.3 proposes.
 
 The thesis trusts a slope over the whole gap, so that a wide one joins surfaces of different levels.
 With `slope_reach` the height difference allowed grows over that distance only. With `support`, a
-gap wider than `max_gap` is closed only where it is level and both its ends are edges of surfaces,
-and without `over_lower` only where no lower level was seen through it; `evidence.py` has the rules.
+gap wider than `max_gap` is closed only where it is level and both its ends are edges of surfaces, a
+narrower one where both are edges or nothing lies in it. Without `over_lower` a wide gap is closed
+only where no lower level was seen through it; `evidence.py` has the rules.
 With `sight`, such a gap stays open where it was seen through, from where the craft is known to have
 been; `unseen.py` has the rule.
 """
@@ -30,7 +31,7 @@ import numpy as np
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
-from mlscli.pipeline.stages.evidence import are_surfaces
+from mlscli.pipeline.stages.evidence import Support, are_surfaces
 from mlscli.pipeline.stages.gaps import (
     Gaps,
     GapStage,
@@ -67,7 +68,9 @@ class Plaster(GapStage):
     support: int = parameter(
         0,
         "gaps wider than max_gap are closed only where they are level, and so many of the five "
-        "cells behind and beside each end hold a patch level with it, within height_clearance",
+        "cells behind and beside each end hold a patch level with it, within height_clearance; "
+        "others, where patches of other heights lie in them, if so many hold one within "
+        "height_thresh besides",
         low=0,
         high=5,
     )
@@ -88,8 +91,11 @@ class Plaster(GapStage):
         return whole_cells(self.sight, cell_size) if len(list(self.passes(cell_size))) > 1 else 0
 
     def reach(self, cell_size: float) -> int:
-        """Return the widths of both passes in whole cells, and one where the ends need support."""
-        return super().reach(cell_size) + (self.support > 0)
+        """Return the widths of both passes in whole cells, and one for each if ends need support.
+
+        Pass two can need what pass one has inserted, and so what supports that.
+        """
+        return super().reach(cell_size) + len(list(self.passes(cell_size))) * (self.support > 0)
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with its gaps closed."""
@@ -109,7 +115,7 @@ class Plaster(GapStage):
         )
         for widths in self.passes(cell_size):
             heights = Intervals(surface.cells, surface.height, surface.height)
-            judge = self._judge(surface, tolerance.clearance)
+            judge = self._judge(surface, tolerance)
             witness = self._witness(surface, sights)
             closing = close_gaps(heights, widths, tolerance, judge, witness)
             surface = surface.with_inserted(*settle(closing, surface))
@@ -127,17 +133,17 @@ class Plaster(GapStage):
 
         return witness
 
-    def _judge(self, surface: SurfaceMap, clearance: float) -> Judge | None:
-        """Return what tells which wide gaps are in a surface; None: nobody asks."""
+    def _judge(self, surface: SurfaceMap, tolerance: Tolerance) -> Judge | None:
+        """Return what tells which gaps are in a surface; None: nobody asks."""
         if not self.support and self.over_lower:
             return None
-        level = clearance if self.support else np.inf
+        beside = tolerance.clearance + tolerance.slope * tolerance.cell_size
+        narrow = Support(beside, self.support)
+        wide = Support(tolerance.clearance if self.support else np.inf, self.support)
         deepest = np.inf if self.over_lower else surface.gap_size
 
         def judge(gaps: Gaps) -> Bool:
-            holds: Bool = are_surfaces(
-                *gaps, surface.cells, surface.height, level, self.support, deepest
-            )
+            holds: Bool = are_surfaces(*gaps, surface.cells, surface.height, narrow, wide, deepest)
             return holds
 
         return judge

@@ -132,6 +132,22 @@ def test_wide_gaps_are_closed_level_and_narrow_ones_as_before() -> None:
     assert (1, 0) in inserted(PLASTER, low + beside)
 
 
+def test_in_a_narrow_gap_with_something_in_it_two_outliers_do_not_close_it() -> None:
+    ground = flat(*((x, y) for x in range(-2, 5) for y in range(-2, 3)))
+    ends = flat((0, 0), (2, 0), height=3.0)
+    assert inserted(PLASTER, ground + ends) == set()
+    assert inserted(replace(PLASTER, support=0), ground + ends) == {(1, 0)}
+    # Nothing else was seen there.
+    assert inserted(PLASTER, ends) == {(1, 0)}
+    # Of a surface that slopes, and from both sides.
+    near, far = flat((-1, 0), (0, 1), height=3.4), flat((3, 0), (2, 1), height=3.4)
+    assert (1, 0) in inserted(PLASTER, ground + ends + near + far)
+    assert (1, 0) not in inserted(PLASTER, ground + ends + near)
+    assert (1, 0) not in inserted(PLASTER, ground + ends + near + far[:1])
+    steep = flat((3, 0), (2, 1), height=3.6)
+    assert (1, 0) not in inserted(PLASTER, ground + ends + near + steep)
+
+
 def test_a_wide_gap_through_which_a_lower_level_was_seen_stays_open() -> None:
     roofs = flat(*((x, y) for x in (-1, 0, 3, 4) for y in range(3)), height=3.0)
     lane = flat((1, 1))
@@ -165,12 +181,13 @@ FLOOR = [(x, 0) for x in (-2, 0, 4, 5)]
             (1, 1),
             id="beside a hole",
         ),
-        # Pass two closes 1 to 3 if one cell is behind, which pass one inserts beside -2.
+        # Pass two closes 1 to 3 if one cell is behind, which pass one inserts beside -2 if -3 bears
+        # that out, as there is something above. What lies beside 0 is on a slope with it only.
         pytest.param(
             replace(PLASTER, max_gap_enhanced=3 * CELL, support=1),
-            flat(*FLOOR),
+            [*flat((-3, 0), *FLOOR), *flat((-1, 0), height=3.0), *flat((0, 1), height=0.4)],
             (3, 0),
-            (-2, 0),
+            (-3, 0),
             id="edge",
         ),
     ],

@@ -6,6 +6,8 @@ points as dense everywhere, so that the nearest are never far from where they we
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,34 @@ def test_a_point_is_held_against_its_own_surroundings_as_the_rule_says() -> None
         assert rows(stage.apply(points, 0.5)) == expected
         dropped += len(references.median(points, 0.8, most, least, 0.1)) - len(expected)
     assert dropped > 1000
+
+
+def test_where_little_was_seen_little_is_enough_as_the_rule_says() -> None:
+    rng = np.random.default_rng(11)
+    dropped = kept = 0
+    for _ in range(200):
+        points = random_points(rng)
+        most, least = int(rng.choice([0, 4, 9])), int(rng.integers(2, 6))
+        rule = 0.8, most, least, 0.1, float(rng.choice([0.0625, 0.25])), float(rng.choice([0, 0.5]))
+        share = float(rng.choice([0.1, 0.3, 0.6]))
+        expected = references.median(points, *rule, share)
+        assert rows(Median(*rule, column_share=share).apply(points, 0.5)) == expected
+        dropped += points.size - len(expected)
+        kept += len(expected) - len(references.median(points, *rule))
+    assert min(dropped, kept) > 500
+
+
+def test_a_thin_line_in_the_open_stays_and_outliers_over_a_floor_go() -> None:
+    rng = np.random.default_rng(12)
+    floor = np.c_[rng.uniform(0, 4, (800, 2)), rng.normal(0, 0.03, 800)]
+    wire = np.c_[np.arange(6, 10, 0.45), np.full(9, 2.0), np.full(9, 3.0)]
+    over = np.c_[rng.uniform(1, 3, (8, 2)), rng.uniform(2, 4, 8)]
+    points = Points.of(np.concatenate((floor, wire, over)), np.zeros(817, dtype=np.int32))
+    usual = Median(1.0, 24, 5, 0, 0.3, 0.3, 2.0)
+    assert (usual.apply(points, 0.35).xyz[:, 0] > 5).sum() == 0
+    kept = replace(usual, column_share=0.1).apply(points, 0.35).xyz
+    assert (kept[:, 0] > 5).sum() == 9
+    assert kept[kept[:, 0] < 5, 2].max() < 0.2
 
 
 def test_heights_are_compared_along_the_slope_as_the_rule_says() -> None:

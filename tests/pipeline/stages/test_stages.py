@@ -45,9 +45,9 @@ Reference = Callable[[list[Patch]], list[Patch]]
 
 def orphans(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     horizontal, vertical = float(rng.choice([0, 0.5, 1.0, 1.3])), float(rng.choice([0, 0.25, 0.5]))
-    least = int(rng.integers(0, 4))
-    stage = Orphans(horizontal=horizontal, vertical=vertical, min_neighbours=least)
-    return stage, lambda p: references.orphans(p, CELL, horizontal, vertical, least)
+    least, share = int(rng.integers(0, 4)), float(rng.choice([0, 0.05, 0.2, 0.5]))
+    stage = Orphans(horizontal=horizontal, vertical=vertical, min_neighbours=least, min_share=share)
+    return stage, lambda p: references.orphans(p, CELL, horizontal, vertical, least, share)
 
 
 def gaps(rng: np.random.Generator) -> tuple[float, float, float]:
