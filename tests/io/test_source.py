@@ -45,7 +45,7 @@ def test_what_cannot_be_read_is_refused_by_name(shared_data: Path, name: str, wo
     [
         (b"", "nothing"),
         (b" \n\n", "nothing"),
-        (b"1 2 3\n\x00\x00\x00", "binary"),
+        (b"1 2 3\n\x00\x01\x00", "binary"),
         ("1 2 \0\n".encode("utf-16"), "binary"),
         (b"ply\nformat ascii 1.0\n", "PLY"),
         (b"VERSION .7\nFIELDS x y z\n", "PCD"),

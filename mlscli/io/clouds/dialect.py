@@ -33,6 +33,8 @@ MARKS = "#\"'/%"
 """Characters that begin a comment or a quoted field, or may do so."""
 
 _SAMPLE_ROWS = 50
+# The byte order mark that begins a text which was appended to another.
+_MARK = "\ufeff"
 # Fewer numbers in a row are no point.
 _LEAST_NUMBERS = 3
 # Not the one in 1.#IND, not within a name, as in P#1, and not the errors of a spreadsheet.
@@ -115,13 +117,13 @@ class Dialect(NamedTuple):
             if separator is None or each == separator.strip(" ")
         ]
         _, dialect = max(tried, key=lambda scored: scored[0])
-        return dialect
+        return dialect if dialect.width > 1 else cls("", dialect.width)
 
     def fields(self, line: str) -> list[str]:
         """Split a line into fields, empty for missing values; a comment or blank line has none."""
         if "#" in line and (comment := _COMMENT.search(line)) and not _in_quotes(line, comment):
             line = line[: comment.start()]
-        line = line.strip().rstrip(SEPARATORS)
+        line = line.lstrip(_MARK).strip().rstrip(SEPARATORS)
         if not line or line.startswith(("//", "%")):
             return []
         if not self.separator:

@@ -50,8 +50,10 @@ def layout_of(path: Path, opening: Opening) -> Layout:
                     f"{path}: found the comment {short(comment)}, which names no x, y and z; "
                     "`columns` says what the columns hold"
                 )
-    _doubt(path, opening)
-    return _by_position(path, opening)
+    doubts = _doubt(path, opening)
+    layout = _by_position(path, opening)
+    layout.notes += doubts
+    return layout
 
 
 def _by_header(path: Path, opening: Opening) -> Layout:
@@ -106,8 +108,8 @@ def unused_note(path: Path, what: str) -> str:
     return f"{path}: the {what} not used; `columns` says what they hold"
 
 
-def _doubt(path: Path, opening: Opening) -> None:
-    """Refuse rows that do not seem to begin with x, y, z."""
+def _doubt(path: Path, opening: Opening) -> list[str]:
+    """Refuse rows that do not begin with x, y, z; return notes where that only seems so."""
     rows = [row for row in opening.rows if len(row) == opening.width]
     is_whole = all(_WHOLE.fullmatch(word) for row in rows for word in row)
     if (
@@ -120,23 +122,39 @@ def _doubt(path: Path, opening: Opening) -> None:
             f"{path}:{opening.first_line + 1}: found {short(opening.lines[0].strip())}, where "
             "commas seem to be decimal commas and to separate columns; expected decimal points"
         )
-    leading = _leading(rows)
+    leading = _leading(rows, min(opening.width, 5))
     if leading is None:
-        return
+        return []
     first, grows = leading[:, 0], bool((np.diff(leading[:, 0]) > 0).all())
     if grows and (first >= _LEAST_STAMP).all():
         columns = "t,x,y,z" if first[0] < SECONDS_BELOW else "-,x,y,z"
         _refuse(path, opening, f"times ({first[0]:.10g})", columns)
-    is_index = bool((np.diff(first) == 1).all()) and first[0] in (0, 1)
-    others = leading[:, 1:]
-    if is_index and opening.width > 3 and (others != np.floor(others)).any(axis=0).all():
+    steps = np.diff(first)
+    is_index = bool((steps == 1).all()) and first[0] in (0, 1)
+    whole = (leading == np.floor(leading)).all(axis=0).tolist()
+    if is_index and opening.width > 3 and not any(whole[1:3]):
         _refuse(path, opening, f"numbers of rows ({first[0]:.0f}, {first[1]:.0f}, ...)", "-,x,y,z")
+    if whole[:4] == [True, False, False, False]:
+        return [_doubt_note(path, "first column holds whole numbers only", "-,x,y,z")]
+    if whole == [True, True, False, False, False]:
+        return [_doubt_note(path, "first two columns hold whole numbers only", "-,-,x,y,z")]
+    if opening.width == 4 and len(steps) >= 2 * _LEAST_ROWS and _are_even(steps):
+        return [_doubt_note(path, "first column grows as evenly as times do", "t,x,y,z")]
+    return []
 
 
-def _leading(rows: Sequence[Sequence[str]]) -> Float64 | None:
-    """Return the first three numbers of rows; None where they are too few to tell anything."""
+def _are_even(steps: Float64) -> bool:
+    return bool(steps.min() > 0 and np.ptp(steps) < 0.01 * steps.min())
+
+
+def _doubt_note(path: Path, found: str, columns: str) -> str:
+    return f"{path}: the {found}; if it is not x, try `columns` {columns}"
+
+
+def _leading(rows: Sequence[Sequence[str]], count: int) -> Float64 | None:
+    """Return the first numbers of rows; None where they are too few to tell anything."""
     try:
-        values = np.array([[number(word) for word in row[:3]] for row in rows])
+        values = np.array([[number(word) for word in row[:count]] for row in rows])
     except ValueError:
         return None
     return values if len(rows) >= _LEAST_ROWS and np.isfinite(values).all() else None

@@ -130,7 +130,7 @@ class LineReader:
     def skip(self, count: int, width: int | None) -> None:
         """Skip rows, at most as many as there are; see `read`."""
         if count and width != 0:
-            left = count * self._shape(width).lines
+            left = count * self._shape(width, count).lines
             while left and (lines := self._take(left, 1)):
                 left -= len(lines)
 
@@ -159,7 +159,7 @@ class LineReader:
         ends : callable, optional
             Returns for the words of a line whether it is no such row, but of what follows.
         """
-        shape = self._shape(width)
+        shape = self._shape(width, count)
         values: list[Float64] = []
         came = broken = strange = 0
         first_fault = ""
@@ -180,10 +180,10 @@ class LineReader:
         picked = np.concatenate(values) if values else np.empty((0, 0))
         return NumberLines(picked, first_fault, broken, strange, max(0, shape.extra))
 
-    def _shape(self, width: int | None) -> _Shape:
-        """Return how the rows that come next are written."""
-        self._fill(1)
-        return _Shape.of(self._waiting[:_FIRST_ROWS], width)
+    def _shape(self, width: int | None, count: int) -> _Shape:
+        """Return how the rows that come next are written, of which there are so many."""
+        self._fill(_FIRST_ROWS)
+        return _Shape.of(self._waiting[:_FIRST_ROWS], width, count)
 
     def _take(self, count: int, step: int) -> list[str]:
         """Return the next lines, at most `count`, and whole steps of them; none at the end."""
@@ -245,8 +245,8 @@ class _Shape(NamedTuple):
     lines: int
 
     @classmethod
-    def of(cls, lines: Sequence[str], width: int | None) -> _Shape:
-        """Find out how rows are written, by the first lines."""
+    def of(cls, lines: Sequence[str], width: int | None, count: int) -> _Shape:
+        """Find out how rows are written, by the first lines; beyond `count` rows these differ."""
         dialect = Dialect.of(lines[:1] if width is None else lines)
         if width is None:
             return cls(dialect, None, 1)
@@ -255,10 +255,15 @@ class _Shape(NamedTuple):
             widths = list(accumulate(map(len, split)))
             if widths and widths[0] < width and width in widths:
                 step = widths.index(width) + 1
-                if widths[step - 1 :: step] == [width * (k + 1) for k in range(len(split) // step)]:
+                whole = min(count, len(split) // step)
+                if widths[step - 1 :: step][:whole] == [width * (k + 1) for k in range(whole)]:
                     return cls(dialect._replace(width=width), width, step)
-        wider = dialect.width > width and all(
-            len(words) == dialect.width for words in split if words and is_number(words[0])
+        # Twice as many are two rows on one line.
+        rows = [words for words in split[:count] if words and is_number(words[0])]
+        wider = (
+            dialect.width > width
+            and dialect.width % max(width, 1) > 0
+            and all(len(words) == dialect.width for words in rows)
         )
         # Where all numbers are whole, they may be the halves of decimal ones.
         if not (wider and any("." in word for words in split for word in words[:width])):

@@ -79,7 +79,7 @@ class PlyCloud(PointFile):
         end = re.search(ending + rb"end_header[ \t]*" + ending, head)
         if end is None:
             raise InputError(f"{self.path}: found no end_header, which ends the header of a PLY")
-        order, elements = "", list[_Element]()
+        order, elements = "?", list[_Element]()
         texts = head[: end.start()].decode("utf-8", "replace").split(ending.decode())
         for number, text in enumerate(texts[1:], start=2):
             match text.split():
@@ -91,8 +91,11 @@ class PlyCloud(PointFile):
                     elements and _TYPES.get(length, "f")[0] != "f" and type_ in _TYPES
                 ):
                     elements[-1].fields.append(Member(name, _TYPES[type_], _TYPES[length]))
-                case ["property", type_, name] if elements and type_ in _TYPES:
-                    elements[-1].fields.append(Member(name, _TYPES[type_]))
+                case ["property", type_, name] if elements and (
+                    type_ in _TYPES or (not order and name.lower() not in "xyz")
+                ):
+                    # In a text a number has no size, and the type of what is not used may be any.
+                    elements[-1].fields.append(Member(name, _TYPES.get(type_, "f8")))
                 case ["comment" | "obj_info", *_] | []:
                     pass
                 case _:
@@ -101,7 +104,7 @@ class PlyCloud(PointFile):
                         f"({', '.join(_ORDERS)}), an element with its count, or a property of a "
                         f"type such as float"
                     )
-        return _Header(order, elements, end.end())
+        return _Header(order.strip("?"), elements, end.end())
 
     def _wanted(self, vertex: _Element) -> list[int]:
         """Return the indices of the properties x, y, z and, where there is one, of the keyframe."""

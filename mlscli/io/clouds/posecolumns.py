@@ -39,6 +39,7 @@ _FIRST_ROWS = 20
 _ROUNDED = 1e-3
 # Columns of programs that write w first and no header.
 _W_FIRST = (11, 17)
+_ANGLES = ("roll", "pitch", "yaw")
 _ROTATION = [0, 1, 2, 4, 5, 6, 8, 9, 10]
 _AXIS = re.compile(r"(.*?)[._/: ]*([xyzw])")
 _TURNS = re.compile(r"(.*[._/: ])?(q([._].*)?|.*(quat|orient|rotation|attitude).*)")
@@ -122,8 +123,11 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
         wide = width <= len(TUM) or len(rows) > 1
         return found is not None and wide and (timed or "m00" in found.layout.places)
     places, values = named.layout.places, _values(rows, width)
-    if values is None or not {*TUM} <= {*places} or len(rows) < 2:
+    if values is None or "stamp" not in places or len(rows) < 2:
         return False
+    if "qw" not in places:
+        names = next(opening.names(" ".join((*opening.headers, *opening.comments))), [])
+        return {*_ANGLES} <= {*names} and _grow(values[:, places["stamp"]])
     return _grow(values[:, places["stamp"]]) and _are_unit(
         values[:, [places[name] for name in QUATERNION]]
     )

@@ -124,7 +124,9 @@ class _Parser:
         if not self.opening.rows:
             if self.opening.headers:
                 layout_of(path, self.opening)
-            raise InputError(f"{path}: holds no points")
+            others = self.opening.headers[1:2]
+            found = f"; found {others[0][:60]!r}, expected numbers" if others else ""
+            raise InputError(f"{path}: holds no points{found}")
         if columns is None:
             self._refuse_trajectory()
             self.layout = layout_of(path, self.opening)

@@ -209,7 +209,11 @@ def _is_text(path: Path, head: bytes) -> bool:
 
     if encoding_of(head) != "utf-8-sig":
         head = head.decode(encoding_of(head), "replace").encode("utf-8", "replace")
-    return path.is_file() and bool(head.strip()) and not _CONTROL.search(head)
+    return (
+        path.is_file()
+        and bool(head.strip(b"\0 \t\r\n"))
+        and not _CONTROL.search(head.rstrip(b"\0"))
+    )
 
 
 FORMATS = (

@@ -172,7 +172,7 @@ def test_a_number_with_a_decimal_comma_is_told_from_all_others(value: float, for
         (["1,2,3", "1,2", "4,5,6"], ",", 3),
         (["a,b,c"], ",", 3),
         (["# 1;2;3", "// 1;2;3", "1 2 3 4"], "", 4),
-        ([], ";", 0),
+        ([], "", 0),
     ],
 )
 def test_the_separator_is_what_makes_alike_rows(

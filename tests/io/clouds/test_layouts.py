@@ -145,3 +145,29 @@ def test_the_beginning_of_a_text_is_taken_apart(tmp_path: Path) -> None:
     assert opening.first_line == 6
     assert opening.rows == [["1", "2", "3"], ["4", "5", "6"]]
     assert next(opening.names("# X (m), Y, Z [cm]")) == ["x", "y", "z"]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("".join(f"1 {n}.5 {n % 3}.25 0.5\n" for n in range(6)), "first column holds whole num"),
+        (
+            "".join(f"1 {n} {n}.5 {n % 3}.25 0.5 9\n" for n in range(6)),
+            "first two columns hold whole",
+        ),
+        ("".join(f"{n / 10} 1.5 {n % 3}.25 0.5\n" for n in range(12)), "grows as evenly as times"),
+    ],
+)
+def test_a_column_that_hardly_is_x_is_told(tmp_path: Path, content: str, words: str) -> None:
+    assert any(words in note for note in TextCloud(text(tmp_path, content)).notes)
+    assert not any(words in note for note in TextCloud(text(tmp_path, content), "x,y,z").notes)
+    assert not any(words in note for note in TextCloud(text(tmp_path, GRID)).notes)
+
+
+def test_what_stands_below_a_header_and_is_no_row_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"holds no points; found '0\.5 m,1 m,2 m', expected numb"):
+        read(tmp_path, "x,y,z\n0.5 m,1 m,2 m\n")
+
+
+def test_texts_that_were_put_one_behind_another_are_read_on(tmp_path: Path) -> None:
+    assert one_cloud(tmp_path, "\ufeff1,2,3\n\ufeff4,5,6\n") == [[1, 2, 3], [4, 5, 6]]
