@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from mlscli.io.clouds import rows as rows_module
@@ -47,7 +46,7 @@ def pcd(folder: Path, body: str, count: int = 9, more: str = "") -> PointFile:
 
 
 def points_of(cloud: PointFile) -> list[list[float]]:
-    return np.concatenate([np.empty((0, 3)), *(each.points for each in cloud.clouds())]).tolist()
+    return [[float(v) for v in point] for each in cloud.clouds() for point in each.points]
 
 
 RIGHT = {
