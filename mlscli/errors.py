@@ -56,8 +56,9 @@ class ConfigError(UsageError):
 _ARGUMENTS = (
     *("add_param", "columns", "crop", "cumulative", "end", "every", "extrinsic", "features"),
     *("field_of_view", "frame", "free_space", "grid", "holes", "jobs", "latest", "legs", "level"),
-    *("max_slope", "memory", "outliers", "overwrite", "pose_topic", "range", "reference", "route"),
-    *("route_height", "salt_pepper", "scene", "scheduler", "scratch", "section", "seed", "seeds"),
+    *("max_slope", "memory", "outliers", "overwrite", "pose_gap", "pose_topic", "range"),
+    *("reference", "route", "route_height", "salt_pepper", "scene", "scheduler", "scratch"),
+    *("section", "seed", "seeds"),
     *("sigma", "size", "sizes", "start", "survey", "time_source", "topic", "up", "within"),
 )
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}

@@ -130,6 +130,13 @@ def reading(command: Command) -> Command:
             "messages whose headers are empty.",
         ),
         click.option(
+            "--pose-gap",
+            type=float,
+            metavar="SECONDS",
+            help="Longest time between two transforms or poses across which is interpolated; by "
+            "default 10 s, or three times their median spacing where that is more.",
+        ),
+        click.option(
             "--route",
             metavar="FILE",
             help="Trajectory of the craft, lines of: stamp x y z qx qy qz qw (TUM).",

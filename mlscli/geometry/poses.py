@@ -130,13 +130,20 @@ def turn(matrix: Float64, points: Float64) -> Float64:
         return np.stack([(a * x + b * y) + c * z for a, b, c in matrix.tolist()], axis=1)
 
 
+GAP, GAP_PERIODS = 10.0, 3.0
+"""Poses farther apart than so many seconds and so many periods have a gap between them.
+
+Ten seconds is how long tf2 keeps transforms by default, so no node has interpolated across more.
+"""
+
+
 class PoseTrack:
     """Poses over time: linear between them for translations, slerp for rotations.
 
     The first pose also holds for half a period before it, and the last for half a period after it;
     a period is the median spacing of the time stamps. Beyond that no pose is known. A single pose
-    has no period and is known at its own time stamp only. Gaps between poses are bridged, however
-    wide they are, because keyframes may come at irregular times.
+    has no period and is known at its own time stamp only. Nothing is interpolated across a gap, a
+    spacing of more than `gap`: its ends are like those of the whole.
 
     Parameters
     ----------
@@ -149,6 +156,9 @@ class PoseTrack:
     series : int64 (N,), optional
         Nothing is interpolated between poses of different series: the earlier pose holds until
         the later one. By default all are of one series.
+    gap : float, optional
+        The longest spacing (s) that is no gap; by default `GAP`, or `GAP_PERIODS` periods where
+        that is more, as keyframes may come seldom.
 
     Attributes
     ----------
@@ -162,24 +172,35 @@ class PoseTrack:
         translations: Float64,
         rotations: Float64,
         series: Int64 | None = None,
+        gap: float | None = None,
     ) -> None:
         rows = in_order(stamps, np.flatnonzero(are_poses(stamps, translations, rotations)))
         self.stamps = stamps[rows]
         self._translations = translations[rows]
         self._rotations = unit(rotations[rows])
         self._series = np.zeros(len(rows), dtype=np.int64) if series is None else series[rows]
-        slack = float(np.median(np.diff(self.stamps))) / 2 if len(rows) > 1 else 0.0
-        self._span = (self.stamps[0] - slack, self.stamps[-1] + slack) if len(rows) else (1, 0)
+        period = float(np.median(np.diff(self.stamps))) if len(rows) > 1 else 0.0
+        self._slack = period / 2
+        self._gap = max(GAP, GAP_PERIODS * period) if gap is None else gap
+        first, last = (self.stamps[0], self.stamps[-1]) if len(rows) else (1.0, 0.0)
+        self._span = (first - self._slack, last + self._slack) if len(rows) else (1.0, 0.0)
 
     def at(self, stamps: Float64) -> Poses:
         """Return the pose at each of these times (M,), in seconds; at NaN none is known."""
         if not len(self.stamps):
             return unknown(len(stamps))
         low, high, share = self._between(stamps)
-        known = (stamps >= self._span[0]) & (stamps <= self._span[1])
+        known = (stamps >= self._span[0]) & (stamps <= self._span[1]) & ~self.in_gap(stamps)
         share = np.where(known, share, np.nan)[:, np.newaxis]
         translation = (1 - share) * self._translations[low] + share * self._translations[high]
         return Poses(translation, _slerp(self._rotations[low], self._rotations[high], share), known)
+
+    def in_gap(self, stamps: Float64) -> Bool:
+        """Return whether each of these times (M,) lies in a gap, where no pose is known."""
+        if not len(self.stamps):
+            return np.zeros(len(stamps), dtype=np.bool_)
+        low, high, share = self._share(stamps)
+        return np.asarray(self._apart(low, high) & (share > 0) & (share < 1))
 
     def series_at(self, stamps: Float64) -> Int64:
         """Return the series of the pose in force at each of these times (M,), known or not.
@@ -191,12 +212,23 @@ class PoseTrack:
 
     def _between(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
         """Return the rows before and after each time (M,), and its share of the way, 0 to 1."""
+        low, high, share = self._share(stamps)
+        return low, high, np.where(self._series[low] == self._series[high], share, share == 1)
+
+    def _share(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
+        """Return the same, whatever the series."""
         last = len(self.stamps) - 1
         low = np.clip(np.searchsorted(self.stamps, stamps, side="right") - 1, 0, max(0, last - 1))
         high = np.minimum(low + 1, last)
         step = np.where(high > low, self.stamps[high] - self.stamps[low], 1.0)
         share = np.clip((stamps - self.stamps[low]) / step, 0.0, 1.0)
-        return low, high, np.where(self._series[low] == self._series[high], share, share == 1)
+        apart = self._apart(low, high)
+        share = np.where(apart & (stamps - self.stamps[low] <= self._slack), 0.0, share)
+        share = np.where(apart & (self.stamps[high] - stamps <= self._slack), 1.0, share)
+        return low, high, share
+
+    def _apart(self, low: Int64, high: Int64) -> Bool:
+        return np.asarray(self.stamps[high] - self.stamps[low] > self._gap)
 
 
 def _slerp(begin: Float64, end: Float64, share: Float64) -> Float64:

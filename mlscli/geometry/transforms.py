@@ -7,14 +7,15 @@ transform before it, and between transforms of different parents the earlier one
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from mlscli.errors import InputError
-from mlscli.geometry.poses import Poses, PoseTrack, are_poses, identity, unit, unknown
-from mlscli.runtime.arrays import Bool, Float64
+from mlscli.geometry.poses import Pose, Poses, PoseTrack, are_poses, identity, unit, unknown
+from mlscli.runtime.arrays import Bool, Float64, Int64
 
 
 class Link(NamedTuple):
@@ -36,11 +37,18 @@ class Link(NamedTuple):
 class TransformTree:
     """Frames and the transforms between them, added in any order.
 
-    Slashes at the beginning of a frame's name are ignored. Of several static transforms of a frame
-    the last one added counts, and none where the frame has transforms over time.
+    Slashes at the beginning of a frame's name are ignored. Each static transform of a frame counts
+    from its beginning until that of the next, and the first before that, too; none counts where the
+    frame has transforms over time.
+
+    Parameters
+    ----------
+    gap : float, optional
+        Nothing is interpolated across so many seconds, see `PoseTrack`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, gap: float | None = None) -> None:
+        self._gap = gap
         self._moving: dict[str, _Moving] = {}
         self._static: dict[str, _Static] = {}
         self._routes: dict[tuple[str, str], _Route] = {}
@@ -67,18 +75,39 @@ class TransformTree:
         parent, child = bare(parent), bare(child)
         usable = are_poses(stamps, translations, rotations) & _may_hang(parent, child)
         if usable.any():
-            moving = self._moving.setdefault(child, _Moving())
+            moving = self._moving.setdefault(child, _Moving(self._gap))
             moving.add(parent, stamps[usable], translations[usable], rotations[usable])
             self._routes.clear()
 
-    def add_static(self, parent: str, child: str, translation: Float64, rotation: Float64) -> None:
-        """Add T_parent_child for all times: translation (3,), quaternion (4,), as in `add`."""
+    def add_static(
+        self,
+        parent: str,
+        child: str,
+        translation: Float64,
+        rotation: Float64,
+        begin: float = -math.inf,
+    ) -> bool:
+        """Add T_parent_child that stays from a time `begin` (s) on, as in `add`.
+
+        Those added before that begin at the same time or later no longer count.
+
+        Parameters
+        ----------
+        translation : float64 (3,)
+        rotation : float64 (4,)
+
+        Returns
+        -------
+        bool
+            Whether it is another than the one before it; False where there is none before it.
+        """
         parent, child = bare(parent), bare(child)
         translations, rotations = translation.reshape(1, 3), rotation.reshape(1, 4)
-        if (are_poses(np.zeros(1), translations, rotations) & _may_hang(parent, child)).all():
-            poses = Poses(translations, unit(rotations), np.array([True]))
-            self._static[child] = _Static(parent, poses)
-            self._routes.clear()
+        if not (are_poses(np.zeros(1), translations, rotations) & _may_hang(parent, child)).all():
+            return False
+        self._routes.clear()
+        pose = Poses(translations, unit(rotations), np.array([True])).pose(0)
+        return self._static.setdefault(child, _Static()).add(parent, pose, begin)
 
     @property
     def frames(self) -> list[str]:
@@ -144,6 +173,23 @@ class TransformTree:
             raise faults[0]
         return poses
 
+    def in_gap(self, target: str, source: str, stamp: float) -> bool:
+        """Return whether T_target_source is not known at a time for a gap in its transforms."""
+        times = np.array([stamp])
+        chains = [self._chain_at(bare(frame), times) for frame in (target, source)]
+        links = [self._moving.get(child) for chain in chains for child in chain]
+        return any(link.track.in_gap(times)[0] for link in links if link)
+
+    def _chain_at(self, frame: str, times: Float64) -> list[str]:
+        """Return a frame and its ancestors at a time (1,); none where they form a cycle."""
+        changing, parents = self._changing, dict[str, str]()
+        if changing:
+            ((_, parents),) = self._periods(changing, times)
+        try:
+            return self._upwards(frame, parents)
+        except InputError:
+            return []
+
     def check_way(self, target: str, source: str) -> None:
         """Raise an error if two frames are connected at no time.
 
@@ -160,7 +206,7 @@ class TransformTree:
             self._route(target, source)
             return
         # Parents change at these times, and at no others.
-        stamps = np.concatenate([self._moving[child].track.stamps for child in changing])
+        stamps = np.concatenate([self._links[child].changes for child in changing])
         faults = []
         for _, parents in self._periods(changing, stamps):
             try:
@@ -174,23 +220,40 @@ class TransformTree:
     @property
     def _changing(self) -> list[str]:
         """The frames with several parents over time."""
-        return [child for child, moving in self._moving.items() if len(moving.parents) > 1]
+        return [child for child, link in self._links.items() if len(link.parents) > 1]
+
+    def in_turn(self) -> dict[str, list[str]]:
+        """Return the frames that go to and fro between parents, each with these, by name."""
+        moving = sorted(set(self._changing) & set(self._moving))
+        return {child: self._links[child].parents for child in moving if self._switches(child) > 3}
+
+    def _switches(self, child: str) -> int:
+        track = self._moving[child].track
+        return int(np.count_nonzero(np.diff(track.series_at(track.stamps))))
+
+    @property
+    def _links(self) -> Mapping[str, _Moving | _Static]:
+        """What is told of each frame but the root."""
+        return self._static | self._moving
+
+    def _link(self, child: str) -> _Moving | _Static | None:
+        return self._moving.get(child) or self._static.get(child)
 
     def _parents(self, child: str) -> list[str]:
         """Return the parents that a frame has over time; none for the root."""
-        if child in self._moving:
-            return self._moving[child].parents
-        return [self._static[child].parent] if child in self._static else []
+        link = self._link(child)
+        return link.parents if link else []
 
     def _periods(
         self, changing: Sequence[str], stamps: Float64
     ) -> Iterator[tuple[Bool, dict[str, str]]]:
         """Yield times with the same parents, as a mask (M,), and these parents by child."""
-        series = np.stack([self._moving[child].track.series_at(stamps) for child in changing], 1)
+        links = self._links
+        series = np.stack([links[child].parent_at(stamps) for child in changing], 1)
         kept, period = np.unique(series, axis=0, return_inverse=True)
         for number, numbers in enumerate(kept.tolist()):
             parents = {
-                child: self._moving[child].parents[place]
+                child: links[child].parents[place]
                 for child, place in zip(changing, numbers, strict=True)
             }
             yield period.ravel() == number, parents
@@ -201,7 +264,8 @@ class TransformTree:
         while above := self._parents(chain[-1]):
             parent = parents.get(chain[-1]) or above[0]
             if len(above) > 1 and chain[-1] not in parents:
-                parent = self._moving[chain[-1]].last_parent
+                (last,) = self._links[chain[-1]].parent_at(np.array([np.inf]))
+                parent = above[last]
             if parent in chain:
                 circle = " below ".join(map(repr, [*chain[chain.index(parent) :], parent]))
                 raise InputError(f"the frames hang in a circle, {circle}; expected a tree")
@@ -258,8 +322,8 @@ class TransformTree:
         """Chain the transforms of successive frames to their parents; none: the identity."""
         poses = None
         for child in children:
-            moving = self._moving.get(child)
-            step = moving.track.at(stamps) if moving else self._static[child].poses
+            link = self._moving.get(child) or self._static[child]
+            step = link.at(stamps)
             poses = step if poses is None else step.chained(poses)
         return poses or identity(1)
 
@@ -269,24 +333,66 @@ def bare(frame: str) -> str:
     return frame.strip().lstrip("/")
 
 
-class _Static(NamedTuple):
-    """A frame with a static transform.
+class _Static:
+    """A frame with static transforms: its parents, and its pose in the parent of each time.
 
     Attributes
     ----------
-    parent : str
-    poses : Poses
-        T_parent_child, a single pose.
+    parents : list of str
     """
 
-    parent: str
-    poses: Poses
+    def __init__(self) -> None:
+        self.parents: list[str] = []
+        self._begins: list[float] = []
+        self._poses: list[tuple[int, Pose]] = []
+
+    def add(self, parent: str, pose: Pose, begin: float) -> bool:
+        """Add a pose that counts from a time on; return whether the last one was another."""
+        last = self._poses[-1] if self._poses else None
+        while self._begins and self._begins[-1] >= begin:
+            self._begins.pop()
+            self._poses.pop()
+        if parent not in self.parents:
+            self.parents.append(parent)
+        place = self.parents.index(parent)
+        is_other = last is not None and not _are_same(last, (place, pose))
+        if is_other or not self._poses:
+            self._begins.append(begin)
+            self._poses.append((place, pose))
+            used = sorted({place for place, _ in self._poses})
+            self.parents = [self.parents[place] for place in used]
+            self._poses = [(used.index(place), pose) for place, pose in self._poses]
+        return is_other
+
+    @property
+    def changes(self) -> Float64:
+        """The times (s) from which the poses count."""
+        return np.array(self._begins)
+
+    def at(self, stamps: Float64) -> Poses:
+        """Return the pose at each of these times (M,), at NaN the last; a single one for all."""
+        rows = self._rows(stamps) if len(self._poses) > 1 else np.zeros(1, dtype=np.int64)
+        translations, rotations = zip(*(pose for _, pose in self._poses), strict=True)
+        known = np.ones(len(rows), dtype=np.bool_)
+        return Poses(np.array(translations)[rows], np.array(rotations)[rows], known)
+
+    def parent_at(self, stamps: Float64) -> Int64:
+        """Return the index of the parent at each of these times (M,)."""
+        return np.array([place for place, _ in self._poses])[self._rows(stamps)]
+
+    def _rows(self, stamps: Float64) -> Int64:
+        return np.maximum(np.searchsorted(self._begins, stamps, side="right") - 1, 0)
+
+
+def _are_same(one: tuple[int, Pose], other: tuple[int, Pose]) -> bool:
+    return one[0] == other[0] and all(map(np.array_equal, one[1], other[1]))
 
 
 class _Moving:
     """A frame with transforms over time: its parents, and its poses in the parent of each time."""
 
-    def __init__(self) -> None:
+    def __init__(self, gap: float | None) -> None:
+        self._gap = gap
         self.parents: list[str] = []
         self._added: list[tuple[int, Float64, Float64, Float64]] = []
         self._track: PoseTrack | None = None
@@ -307,12 +413,22 @@ class _Moving:
                 np.concatenate(translations),
                 np.concatenate(rotations),
                 np.repeat(places, [len(some) for some in stamps]),
+                self._gap,
             )
         return self._track
 
     @property
-    def last_parent(self) -> str:
-        return self.parents[int(self.track.series_at(np.array([np.inf]))[0])]
+    def changes(self) -> Float64:
+        """Times (s), among them all at which the parent changes."""
+        return self.track.stamps
+
+    def at(self, stamps: Float64) -> Poses:
+        """Return the pose at each of these times (M,)."""
+        return self.track.at(stamps)
+
+    def parent_at(self, stamps: Float64) -> Int64:
+        """Return the index of the parent at each of these times (M,)."""
+        return self.track.series_at(stamps)
 
 
 class _Route(NamedTuple):

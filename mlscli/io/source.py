@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
@@ -43,6 +43,8 @@ class Cloud:
         Whose axes these are, see `Axes`.
     unmeasured : tuple of (str, int)
         Why points are not finite, and how many; those of which nothing more is known are left out.
+    logged : float
+        When it was recorded, in seconds; NaN where not known.
     """
 
     points: Float64
@@ -53,6 +55,7 @@ class Cloud:
     message: int = -1
     axes: Axes = "unknown"
     unmeasured: tuple[tuple[str, int], ...] = ()
+    logged: float = math.nan
 
     @property
     def has_position(self) -> bool:
@@ -81,6 +84,10 @@ class StampedPoses(NamedTuple):
         none.
     refused : int
         Number of poses left out: not finite, or with a quaternion of length 0.
+    topic : str
+        Where it was recorded.
+    logged : float
+        When it was recorded, in seconds; NaN where not known.
     """
 
     stamps: Float64
@@ -89,6 +96,8 @@ class StampedPoses(NamedTuple):
     parent: str
     child: str
     refused: int = 0
+    topic: str = ""
+    logged: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -142,19 +151,22 @@ class Reading(NamedTuple):
     clock: Clock = "header"
 
 
-Wanted = Callable[[float], bool]
-"""Called with the stamp (s) of each keyframe, in order; False skips the keyframe.
+class Wanted(Protocol):
+    """Called with the stamp (s) of each keyframe, in order; False skips the keyframe.
 
-It is called before a message is decoded, unless the stamp is known only after that. It may raise
-`PassOver`.
-"""
+    It is called before a message is decoded, unless the stamp is known only after that. It may
+    raise `PassOver`. `logged` is when the message was recorded (s), NaN where not known.
+    """
+
+    def __call__(self, stamp: float, logged: float = math.nan, /) -> bool:
+        """Return whether the keyframe is wanted."""
 
 
 class PassOver(Exception):  # noqa: N818  # no error: it ends a pass from within
     """Raised by a `Wanted` that wants neither this keyframe nor any after it."""
 
 
-def everything(stamp: float) -> bool:  # noqa: ARG001
+def everything(stamp: float, logged: float = math.nan) -> bool:  # noqa: ARG001
     """Want every keyframe, whatever its time stamp."""
     return True
 
@@ -177,6 +189,13 @@ class Source(Protocol):
     @property
     def frame_id(self) -> str:
         """The frame of the first cloud; empty where none is stated."""
+
+    @property
+    def topic(self) -> str:
+        """The name of the topic of its clouds; empty in formats without topics."""
+
+    def frames(self) -> Iterator[str]:
+        """Read the frames of the clouds in order, as their headers state them."""
 
     @property
     def expected_keyframes(self) -> int | None:

@@ -61,6 +61,7 @@ class PointFile(ABC):
 
     kind: str
     frame_id = ""
+    topic = ""
 
     def __init__(self, path: Path, notes: Sequence[str] = ()) -> None:
         self.path = path
@@ -89,6 +90,10 @@ class PointFile(ABC):
     def expected_keyframes(self) -> int:
         """How many keyframes it holds."""
         return len(self._content.clouds)
+
+    def frames(self) -> Iterator[str]:
+        """Yield nothing: such files state no frames."""
+        return iter(())
 
     def topics(self) -> Sequence[Topic]:
         """Return nothing: such files have no topics."""

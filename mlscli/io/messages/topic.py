@@ -74,6 +74,23 @@ class TopicSource:
         return self._topic.frame
 
     @property
+    def topic(self) -> str:
+        """The name of the topic of the clouds."""
+        return self._topic.name
+
+    def frames(self) -> Iterator[str]:
+        """Read the frames of the clouds in order; a message is decoded if it does not begin so."""
+        topic = self._topic
+        for message in self._messages((topic.type,), topic.name):
+            if frame := self._deserializer.frame(message):
+                yield frame
+                continue
+            try:
+                yield from (part.frame_id for part in self._decode(message))
+            except (MalformedMessageError, MalformedCloudError):
+                continue
+
+    @property
     def expected_keyframes(self) -> int | None:
         """The number of messages of the topic; None where each may hold several keyframes."""
         return None if self._topic.name in self._split else self._topic.count
@@ -142,7 +159,7 @@ class TopicSource:
             stamp = self._stamp(message)
             if math.isnan(stamp):
                 yield from self._clouds_of(number, message, wanted)
-            elif wanted(stamp):
+            elif wanted(stamp, _logged(message)):
                 yield from self._clouds_of(number, message)
 
     def latest(self, wanted: Wanted = everything) -> Sequence[Cloud]:
@@ -165,7 +182,7 @@ class TopicSource:
                     if not parts:
                         continue
                     stamp = parts[0].stamp
-                if wanted(stamp):
+                if wanted(stamp, _logged(message)):
                     chosen.add(number)
                     last = number, message
         if last is None:
@@ -194,14 +211,21 @@ class TopicSource:
 
     def _clouds_of(self, number: int, message: Message, wanted: Wanted = everything) -> list[Cloud]:
         """Return the clouds of a message, without those whose stamp is not wanted."""
-        stamp = self._stamp(message)
+        stamp, logged = self._stamp(message), _logged(message)
         clouds = []
         for part in self._parts(message):
             time = part.stamp if math.isnan(stamp) else stamp
-            if wanted(time):
+            if wanted(time, logged):
                 told = part.unmeasured
                 clouds += [
-                    Cloud(points, time, frame_id=part.frame_id, message=number, unmeasured=told)
+                    Cloud(
+                        points,
+                        time,
+                        frame_id=part.frame_id,
+                        message=number,
+                        unmeasured=told,
+                        logged=logged,
+                    )
                     for points in part.split()
                 ]
         return clouds
@@ -224,8 +248,8 @@ class TopicSource:
 
         Messages that cannot be read are left out, and reported in `losses` when the pass ends.
         """
-        for topic, poses in self._read_poses(TRANSFORM_TYPES):
-            yield poses, topic.rpartition("/")[2] == "tf_static"
+        for poses in self._read_poses(TRANSFORM_TYPES):
+            yield poses, poses.topic.rpartition("/")[2] == "tf_static"
 
     def poses(self, topic: str) -> Iterator[StampedPoses]:
         """Read the poses of a topic; none where there is no such topic.
@@ -241,7 +265,7 @@ class TopicSource:
                 f"{self.path}: `pose_topic` {topic}: {named[0].type} tells no poses; can be used: "
                 f"{', '.join(POSE_TYPES)}"
             )
-        yield from (poses for _, poses in self._read_poses(POSE_TYPES, topic))
+        yield from self._read_poses(POSE_TYPES, topic)
 
     # --- messages ---
 
@@ -258,7 +282,7 @@ class TopicSource:
 
     def _stamp(self, message: Message) -> float:
         if self._clock == "log":
-            return message.log_time / NANOSECONDS
+            return _logged(message)
         return self._deserializer.stamp(message)
 
     def _decode(self, message: Message) -> list[CloudPart]:
@@ -268,8 +292,8 @@ class TopicSource:
         self,
         types: Mapping[str, Callable[[Any], list[StampedPoses]]],
         topic: str | None = None,
-    ) -> Iterator[tuple[str, StampedPoses]]:
-        """Read the poses of messages of these types, with the topic of each."""
+    ) -> Iterator[StampedPoses]:
+        """Read the poses of messages of these types, of one topic or of all."""
         unreadable: Counter[str] = Counter()
         refused: Counter[str] = Counter()
         try:
@@ -283,8 +307,10 @@ class TopicSource:
                     refused[message.channel.topic] += poses.refused
                     stamps = poses.stamps
                     if self._clock == "log":
-                        stamps = np.full(len(stamps), message.log_time / NANOSECONDS)
-                    yield message.channel.topic, poses._replace(stamps=stamps)
+                        stamps = np.full(len(stamps), _logged(message))
+                    yield poses._replace(
+                        stamps=stamps, topic=message.channel.topic, logged=_logged(message)
+                    )
         finally:
             lost = [
                 f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
@@ -377,6 +403,11 @@ class TopicSource:
 def _doubts(parts: Sequence[CloudPart]) -> list[str]:
     """Return what a message contradicts itself in, each once."""
     return list(dict.fromkeys(doubt for part in parts for doubt in part.doubts))
+
+
+def _logged(message: Message) -> float:
+    """Return when a message was recorded, in seconds."""
+    return message.log_time / NANOSECONDS
 
 
 def _same(name: str, other: str) -> bool:

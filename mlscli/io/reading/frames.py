@@ -6,8 +6,9 @@ the frame of the clouds moves in it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ import numpy as np
 from mlscli.errors import InputError, UsageError
 from mlscli.geometry.poses import Poses, PoseTrack, unit
 from mlscli.geometry.transforms import TransformTree, bare
+from mlscli.io.reading.epochs import Epochs, told
+from mlscli.io.reading.history import History, Moment
 from mlscli.io.source import Source
 from mlscli.keyframes.keyframe import Axes
 
@@ -83,33 +86,40 @@ class Track(NamedTuple):
     ----------
     parent, child : str
         Names of the frames; empty where the messages name none.
-    poses : PoseTrack
+    epochs : Epochs
+    poses : list of PoseTrack
+        For each epoch.
     """
 
     parent: str
     child: str
-    poses: PoseTrack
+    epochs: Epochs
+    poses: list[PoseTrack]
+
+    def at(self, moment: Moment) -> PoseTrack:
+        """Return the poses of the epoch of a moment."""
+        return self.poses[self.epochs.at(moment.stamp, moment.logged)]
+
+    def notes(self, topic: str) -> list[str]:
+        """Return what the user should know about the poses of a topic."""
+        jumps = [(begin.before, begin.after) for begin in self.epochs.begins]
+        return [f"`pose_topic` {topic}: the clock jumps back {told(jumps)}"] if jumps else []
 
 
 def read_tree(sources: Sequence[Source]) -> TransformTree:
-    """Return the tree of the transforms of all sources."""
-    tree = TransformTree()
-    for source in sources:
-        for poses, stays in source.transforms():
-            if stays:
-                for translation, rotation in zip(
-                    poses.translations, poses.quaternions, strict=True
-                ):
-                    tree.add_static(poses.parent, poses.child, translation, rotation)
-            else:
-                tree.add(
-                    poses.parent, poses.child, poses.stamps, poses.translations, poses.quaternions
-                )
-    return tree
+    """Return the tree of the transforms of all sources, of whatever topic their clouds are."""
+    return History(sources, of_clouds=False).whole
 
 
-def read_track(sources: Sequence[Source], topic: str) -> Track:
+def read_track(sources: Sequence[Source], topic: str, gap: float | None = None) -> Track:
     """Return the poses of a topic, over all sources.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+    topic : str
+    gap : float, optional
+        Nothing is interpolated across so many seconds, see `PoseTrack`.
 
     Raises
     ------
@@ -118,40 +128,64 @@ def read_track(sources: Sequence[Source], topic: str) -> Track:
     InputError
         The topic has poses of several frames, or in several.
     """
-    messages = [poses for source in sources for poses in source.poses(topic)]
-    stamps = np.concatenate([np.empty(0), *(poses.stamps for poses in messages)])
-    if not len(stamps):
+    messages = [poses for source in sources for poses in source.poses(topic) if len(poses.stamps)]
+    messages.sort(key=lambda poses: poses.logged)
+    if not messages:
         there = [t.name for source in sources for t in source.topics() if t.poses]
         raise UsageError(
             f"`pose_topic` {topic}: found no poses; topics with poses: {', '.join(there) or 'none'}"
         )
-    frames = sorted(
-        {(bare(poses.parent), bare(poses.child)) for poses in messages if len(poses.stamps)}
-    )
+    frames = sorted({(bare(poses.parent), bare(poses.child)) for poses in messages})
     if len(frames) > 1:
         found = ", ".join(f"of {child or 'no frame'!r} in {parent!r}" for parent, child in frames)
         raise InputError(
             f"`pose_topic` {topic}: tells poses {found}; expected those of one frame in one other"
         )
-    track = PoseTrack(
-        stamps,
-        np.concatenate([poses.translations for poses in messages]),
-        np.concatenate([poses.quaternions for poses in messages]),
-    )
-    return Track(*frames[0], track)
+    logged = np.array([poses.logged for poses in messages])
+    # A path tells all that was so far: its last pose is the time of the clock.
+    clock = np.array([poses.stamps.max() for poses in messages])
+    epochs = Epochs.of({topic: (logged, clock)})
+    tracks = [
+        PoseTrack(
+            np.concatenate([poses.stamps for poses in messages[first:stop]]),
+            np.concatenate([poses.translations for poses in messages[first:stop]]),
+            np.concatenate([poses.quaternions for poses in messages[first:stop]]),
+            gap=gap,
+        )
+        for first, stop, *_ in epochs.runs[topic]
+    ]
+    return Track(*frames[0], epochs, tracks)
 
 
-def mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) -> list[str]:
-    """Add the mounting of the sensors to the tree; return notes about it.
+def leading_frame(source: Source, tree: TransformTree) -> str:
+    """Return the frame of the clouds of a source: that of the first that can be mapped, if any.
+
+    A node may publish before it knows its frame, and some clouds of a topic may be in a frame that
+    no transforms lead from. The headers of so many clouds are looked at: 1,000, or 30 if they state
+    no frame.
+    """
+    first = bare(source.frame_id)
+    if _leads_on(first, tree):
+        return first
+    others = (bare(frame) for frame in islice(source.frames(), 1000 if first else 30))
+    return next((frame for frame in others if frame != first and _leads_on(frame, tree)), first)
+
+
+def _leads_on(frame: str, tree: TransformTree) -> bool:
+    return is_world(frame) or frame in tree.frames
+
+
+def mount(history: History, mounting: Mounting, frames: Iterable[str]) -> list[str]:
+    """Add the mounting of the sensors to the transforms; return notes about it.
 
     Parameters
     ----------
-    tree : TransformTree
+    history : History
         Changed in place.
     mounting : Mounting
         As the user states it; the same for all sensors.
-    sources : sequence of Source
-        Their clouds are in the frames of the sensors.
+    frames : iterable of str
+        The frames of the sensors.
 
     Raises
     ------
@@ -159,9 +193,10 @@ def mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) ->
         The frame of a sensor is in the tree already, is a world frame or has no name, or the
         frame of the craft is not known.
     """
+    tree = history.whole
     body = body_of(tree)
     notes = []
-    for frame in sorted({bare(source.frame_id) for source in sources}):
+    for frame in sorted(set(frames)):
         if frame in tree.frames:
             raise UsageError(
                 f"`extrinsic`: the recording's transforms tell where {frame!r} is; leave it out"
@@ -174,20 +209,30 @@ def mount(tree: TransformTree, mounting: Mounting, sources: Sequence[Source]) ->
                 "`extrinsic`: the recording does not tell how the craft moves, found the frames "
                 f"{', '.join(tree.frames) or 'none'}; give `pose_topic` too"
             )
-        tree.add_static(
+        history.add_static(
             body, frame, np.array(mounting.translation), np.array(mounting.rotation, dtype=float)
         )
         notes.append(f"`extrinsic`: {frame!r} is taken as mounted on {body!r}")
     return notes
 
 
-def body_of(tree: TransformTree) -> str | None:
-    """Return the craft's frame: one with a usual name, or the only leaf of the tree; or None."""
+def body_of(tree: TransformTree, near: Sequence[str] = ()) -> str | None:
+    """Return the craft's frame: one with a usual name, or the only leaf of the tree; or None.
+
+    Of several with one name, as several robots have, it is the one above the frames that are
+    `near`, or in a name space of theirs (which topics have, too); None if that is not one alone.
+    """
     frames = tree.frames
     for name in BODY_FRAMES:
-        for frame in frames:
-            if frame.rpartition("/")[2] == name:
-                return frame
+        named = [frame for frame in frames if frame.rpartition("/")[2] == name]
+        if len(named) > 1:
+            spaces = {bare(each).rpartition("/")[0] for each in near} - {""}
+            above = {up for each in near for up in _above(tree, each)}
+            own = [frame for frame in named if frame in above]
+            own = own or [f for f in named if any(_within(s, f) for s in spaces)]
+            return own[0] if len(own) == 1 else None
+        if named:
+            return named[0]
     try:
         above = {parent for frame in frames for parent in tree.ancestors(frame)[1:]}
     except InputError:
@@ -195,6 +240,20 @@ def body_of(tree: TransformTree) -> str | None:
         return None
     leaves = [frame for frame in frames if frame not in above]
     return leaves[0] if len(leaves) == 1 else None
+
+
+def _above(tree: TransformTree, frame: str) -> list[str]:
+    try:
+        return tree.ancestors(frame)
+    except InputError:
+        # Frames that hang in a circle are above nothing.
+        return []
+
+
+def _within(space: str, frame: str) -> bool:
+    """Return whether a frame is in a name space, or in one around it."""
+    own = frame.rpartition("/")[0]
+    return bool(own) and f"{space}/".startswith(f"{own}/")
 
 
 def is_body(frame: str) -> bool:
@@ -211,7 +270,10 @@ def axes_of(frame: str) -> Axes:
 
 
 def map_frame(
-    sources: Sequence[Source], declared: str | None, tree: TransformTree, track: Track | None
+    sources: Sequence[tuple[Source, str]],
+    declared: str | None,
+    tree: TransformTree,
+    track: Track | None,
 ) -> str:
     """Return the map frame: the one declared, or the world frame that the first clouds lead to.
 
@@ -221,7 +283,8 @@ def map_frame(
 
     Parameters
     ----------
-    sources : sequence of Source
+    sources : sequence of (Source, str)
+        Each with the frame of its clouds.
     declared : str or None
         As the user names it.
     tree : TransformTree
@@ -236,8 +299,7 @@ def map_frame(
     """
     if declared is not None:
         return bare(declared)
-    for source in sources:
-        frame = bare(source.frame_id)
+    for source, frame in sources:
         if is_world(frame):
             return frame
         if track is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -94,12 +95,12 @@ class _Beginning:
             glance.begin()
             glance.cut = False
 
-        def asked(stamp: float) -> bool:
+        def asked(stamp: float, logged: float = math.nan) -> bool:
             # Unwanted messages count, too: a start far into the flight is not waited for.
             if glance.is_over:
                 glance.cut = True
                 raise PassOver
-            return wanted(stamp)
+            return wanted(stamp, logged)
 
         return asked
 

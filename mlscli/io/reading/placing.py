@@ -7,7 +7,8 @@ topic. The positions of the craft become the route.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.geometry.poses import Pose, Poses, apply
-from mlscli.geometry.transforms import TransformTree, bare
+from mlscli.geometry.transforms import bare
 from mlscli.io.clouds.trajectory import Trajectory
 from mlscli.io.reading.frames import (
     Mounting,
@@ -24,15 +25,16 @@ from mlscli.io.reading.frames import (
     body_of,
     is_body,
     is_world,
+    leading_frame,
     map_frame,
     mount,
     named,
     read_track,
-    read_tree,
 )
+from mlscli.io.reading.history import History, Moment
+from mlscli.io.reading.tally import FRAMELESS, IN_GAP, UNCONNECTED, UNPLACED
 from mlscli.io.source import Cloud, Source
 from mlscli.keyframes.keyframe import Axes
-from mlscli.runtime.arrays import Float64
 
 
 @dataclass(frozen=True)
@@ -49,18 +51,21 @@ class Asked:
         The pose of the sensor on the craft, for recordings that do not hold it.
     trajectory : Trajectory or None
         Positions of the craft, from a file.
+    gap : float or None
+        Nothing is interpolated across so many seconds; None: as `PoseTrack` does it.
     """
 
     frame: str | None = None
     pose_topic: str | None = None
     mounting: Mounting | None = None
     trajectory: Trajectory | None = None
+    gap: float | None = None
 
 
 _NONE = np.empty((0, 3))
 
-Way = Callable[[float], Pose | None]
-"""Returns T_map_cloud at a stamp (s); returns None or raises `InputError` where not known."""
+Way = Callable[[Moment], Pose | None]
+"""Returns T_map_cloud at a moment; returns None or raises `InputError` where not known."""
 
 
 @dataclass(eq=False)
@@ -77,9 +82,11 @@ class Placing:
 
     frame_id: str
     _asked: Asked
-    _tree: TransformTree
+    _history: History
     _track: Track | None
-    _ways: dict[str, Way | None] = field(default_factory=dict)
+    _leading: dict[int, str]
+    _near: Sequence[str]
+    _ways: dict[str, Way | str | None] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     @classmethod
@@ -93,49 +100,59 @@ class Placing:
         UsageError
             An option fits no source.
         """
-        tree, notes = read_tree(sources), list[str]()
-        track = None if asked.pose_topic is None else read_track(sources, asked.pose_topic)
+        history = History(sources, asked.gap)
+        tree, notes, track = history.whole, history.notes, None
+        if asked.pose_topic is not None:
+            track = read_track(sources, asked.pose_topic, asked.gap)
+            notes += track.notes(asked.pose_topic)
+        leading = {id(source): leading_frame(source, tree) for source in sources}
         if asked.mounting is not None and track is None:
-            notes += mount(tree, asked.mounting, sources)
-        frame_id = map_frame(sources, asked.frame, tree, track)
-        placing = cls(frame_id, asked, tree, track, notes=notes)
+            notes += mount(history, asked.mounting, leading.values())
+        framed = [(source, leading[id(source)]) for source in sources]
+        with _refusing(history.contradiction):
+            frame_id = map_frame(framed, asked.frame, tree, track)
+        near = [*leading.values(), *(source.topic for source in sources if source.topics())]
+        placing = cls(frame_id, asked, history, track, leading, near, notes=notes)
         if track is not None:
             with named(f"`pose_topic` {asked.pose_topic}"):
                 tree.check_way(frame_id, track.parent or frame_id)
         for source in sources:
-            placing._check(source)
+            with _refusing(history.contradiction):
+                placing._check(source)
         return placing
 
-    def place(self, source: Source, cloud: Cloud) -> Cloud | None:
+    def place(self, source: Source, cloud: Cloud) -> Cloud | str:
         """Return a cloud moved into the map frame, with the position of the craft.
 
         Returns
         -------
-        Cloud or None
-            None where the pose of the cloud at its time is not known.
-
-        Raises
-        ------
-        InputError
-            Nothing leads from its frame to the map frame.
+        Cloud or str
+            The reason why it is left out, where its pose is not known.
         """
-        frame = bare(cloud.frame_id)
+        frame, moment = bare(cloud.frame_id), Moment(cloud.stamp, cloud.logged, source)
+        if not frame and self._leading.get(id(source)):
+            return FRAMELESS
         if frame not in self._ways:
-            self._ways[frame] = self._way(source, frame)
+            try:
+                self._ways[frame] = self._way(source, frame)
+            except InputError:
+                self._ways[frame] = UNCONNECTED
         way = self._ways[frame]
         placed = replace(cloud, frame_id=self.frame_id)
+        if isinstance(way, str):
+            return way
         if way is not None:
             try:
-                pose = way(cloud.stamp)
+                pose = way(moment)
             except InputError:
                 # The frames are connected at other times only.
                 pose = None
             if pose is None:
-                return None
+                return IN_GAP if self._is_in_gap(frame, moment) else UNPLACED
             placed = replace(placed, points=apply(pose, cloud.points), position=_place(pose))
             if axes_of(frame) == "camera":
                 placed = replace(placed, attitude=_attitude(pose), axes="camera")
-        craft = self.craft(cloud.stamp)
+        craft = self.craft(moment)
         if craft.has_position and not cloud.has_position:
             placed = replace(placed, position=craft.position)
         if craft.has_attitude and not placed.has_attitude:
@@ -147,15 +164,16 @@ class Placing:
         frame = bare(frame_id)
         return (bool(frame) and not is_world(frame)) or self._ways.get(frame) is not None
 
-    def craft(self, stamp: float) -> Cloud:
+    def craft(self, moment: Moment) -> Cloud:
         """Return where the craft was and how it was held, in the map frame, as far as known.
 
         It is a cloud without points. Its position is that of the trajectory; without one, that of
         the pose of the craft. It has an attitude only where that may be the craft's own.
         """
-        found, pose = Cloud(_NONE, stamp, frame_id=self.frame_id), self._craft(stamp)
+        found = Cloud(_NONE, moment.stamp, frame_id=self.frame_id)
+        pose = self._craft(moment)
         if self._asked.trajectory is not None:
-            (position,) = self._asked.trajectory.at(np.array([stamp]))
+            (position,) = self._asked.trajectory.at(np.array([moment.stamp]))
             x, y, z = position.tolist()
             found = replace(found, position=(x, y, z))
         elif pose is not None:
@@ -164,25 +182,25 @@ class Placing:
             found = replace(found, attitude=_attitude(pose), axes=self._craft_axes)
         return found
 
-    def _craft(self, stamp: float) -> Pose | None:
+    def _craft(self, moment: Moment) -> Pose | None:
         """Return the pose of the craft in the map frame; None where not known.
 
         It is that of the pose topic; or else of the transforms.
         """
-        times, body = np.array([stamp]), self._body
+        body = self._body
         try:
             if self._track is not None:
-                return _single(self._in_map(self._track, times))
+                return _single(self._in_map(self._track, moment))
             if body is None or body == self.frame_id:
                 return None
-            return _single(self._tree.lookup(self.frame_id, body, times))
+            return _single(self._lookup(self.frame_id, body, moment))
         except InputError:
             # The frames are connected at other times only.
             return None
 
     @cached_property
     def _body(self) -> str | None:
-        return body_of(self._tree)
+        return body_of(self._history.whole, self._near)
 
     @cached_property
     def _craft_axes(self) -> Axes | None:
@@ -200,7 +218,7 @@ class Placing:
         """Find the way of a source's first cloud, and add a note about it."""
         if not source.topics():
             return
-        frame = bare(source.frame_id)
+        frame = self._leading[id(source)]
         way = self._ways[frame] = self._way(source, frame)
         if way is None:
             stated = f"are in the frame {frame!r}" if frame else "state no frame"
@@ -218,26 +236,24 @@ class Placing:
             return self._way_by_poses(self._track, frame)
         if frame in ("", self.frame_id):
             return None
-        if frame not in self._tree.frames:
+        if frame not in self._history.whole.frames:
             raise InputError(
                 f"{source.label}: the clouds are in the frame {frame!r}, expected the map frame "
                 f"{self.frame_id!r}, or transforms that lead to it"
             )
         # Refused now if nothing connects the frames at any time.
         with named(source.label):
-            self._tree.check_way(self.frame_id, frame)
-        return lambda stamp: _single(self._tree.lookup(self.frame_id, frame, np.array([stamp])))
+            _check_way(self._history, self.frame_id, frame)
+        return lambda moment: _single(self._lookup(self.frame_id, frame, moment))
 
     def _way_by_poses(self, track: Track, frame: str) -> Way:
         mounting = self._asked.mounting
         mount = None if mounting is None else mounting.poses
         body = track.child or self._body
-        if mount is None and frame and body and {frame, body} <= {*self._tree.frames}:
+        if mount is None and frame and body and {frame, body} <= {*self._history.whole.frames}:
             # Looked up for each stamp, as a sensor may move on the craft.
-            return lambda stamp: _single(
-                self._in_map(track, np.array([stamp])).chained(
-                    self._tree.lookup(body, frame, np.array([stamp]))
-                )
+            return lambda moment: _single(
+                self._in_map(track, moment).chained(self._lookup(body, frame, moment))
             )
         if mount is None and frame != body:
             self.notes.append(
@@ -245,18 +261,54 @@ class Placing:
                 "on the craft is not known and taken as none; `extrinsic` gives it"
             )
 
-        def way(stamp: float) -> Pose | None:
-            poses = self._in_map(track, np.array([stamp]))
+        def way(moment: Moment) -> Pose | None:
+            poses = self._in_map(track, moment)
             return _single(poses if mount is None else poses.chained(mount))
 
         return way
 
-    def _in_map(self, track: Track, stamps: Float64) -> Poses:
-        """Return T_map_body at these stamps (M,)."""
-        poses = track.poses.at(stamps)
+    def _in_map(self, track: Track, moment: Moment) -> Poses:
+        """Return T_map_body at a moment."""
+        poses = track.at(moment).at(np.array([moment.stamp]))
         if track.parent in ("", self.frame_id):
             return poses
-        return self._tree.lookup(self.frame_id, track.parent, stamps).chained(poses)
+        return self._lookup(self.frame_id, track.parent, moment).chained(poses)
+
+    def _lookup(self, target: str, source: str, moment: Moment) -> Poses:
+        return self._history.at(moment).lookup(target, source, np.array([moment.stamp]))
+
+    def _is_in_gap(self, frame: str, moment: Moment) -> bool:
+        """Return whether a pose is not known for a gap in the transforms, or the poses."""
+        target, track = self.frame_id, self._track
+        if track is not None:
+            if track.at(moment).in_gap(np.array([moment.stamp]))[0]:
+                return True
+            frame, target = track.child or frame, track.parent or target
+        return self._history.at(moment).in_gap(target, frame, moment.stamp)
+
+
+def _check_way(history: History, target: str, source: str) -> None:
+    """Raise an error if two frames are connected at no time."""
+    faults = []
+    for tree in history.trees():
+        try:
+            tree.check_way(target, source)
+        except InputError as fault:
+            faults.append(fault)
+        else:
+            return
+    raise faults[0]
+
+
+@contextmanager
+def _refusing(contradiction: str) -> Iterator[None]:
+    """Add to the message of an `InputError` why transforms were not taken, if any."""
+    try:
+        yield
+    except InputError as error:
+        if not contradiction:
+            raise
+        raise InputError(f"{error}; {contradiction}") from error
 
 
 def _single(poses: Poses) -> Pose | None:

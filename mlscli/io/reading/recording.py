@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from numbers import Integral, Real
+from numbers import Integral
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from mlscli.errors import InputError, UsageError, expect, expect_items, expect_path
+from mlscli.errors import InputError, UsageError, expect, expect_path
 from mlscli.geometry.transforms import bare
 from mlscli.geometry.up import UP_AXES
 from mlscli.io.clouds.pointarray import PointArray
@@ -20,12 +20,14 @@ from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
 from mlscli.io.reading.formats import open_source
 from mlscli.io.reading.frames import Mounting, listed
 from mlscli.io.reading.glance import Glance
+from mlscli.io.reading.history import Moment
+from mlscli.io.reading.options import check_applies, check_latest, check_types
 from mlscli.io.reading.placing import Asked, Placing
 from mlscli.io.reading.republished import Republished
 from mlscli.io.reading.selected import last_message, selected
 from mlscli.io.reading.selection import Selection
 from mlscli.io.reading.sieve import Sieve
-from mlscli.io.reading.tally import REPEATED, UNPLACED, Tally
+from mlscli.io.reading.tally import REPEATED, Tally
 from mlscli.io.reading.upright import Upright
 from mlscli.io.reading.witness import DOUBTING, FINDING, Witness
 from mlscli.io.source import Clock, Cloud, Reading, Source
@@ -107,11 +109,7 @@ class Recording:
         """What the user should know about how the sources are read; complete only after a pass."""
         notes = [note for source in self._sources for note in source.notes]
         notes += [*self._placing.notes, *self._notes, *self._repeats()]
-        if self.tally.unplaced:
-            notes.append(
-                f"{self.tally.unplaced:,} of {self.tally.keyframes:,} keyframes are left out: "
-                "where they were is not known at their times"
-            )
+        notes += self.tally.notes()
         if self._is_timeless:
             notes.append(_TIMELESS)
         if self._objection is None and self._witness is not None:
@@ -152,8 +150,9 @@ class Recording:
     @property
     def duration(self) -> float:
         """How many seconds of the sources are selected; NaN where their times are not known."""
-        spans = np.array([source.time_span() for source in self._sources])
-        return self._selection.duration(float(spans[:, 0].min()), float(spans[:, 1].max()))
+        first, last = zip(*(source.time_span() for source in self._sources), strict=True)
+        # Those that know their times count.
+        return self._selection.duration(float(np.fmin.reduce(first)), float(np.fmax.reduce(last)))
 
     def __iter__(self) -> Iterator[Keyframe]:
         """Read the keyframes; see `keyframes`."""
@@ -216,9 +215,8 @@ class Recording:
             if moves:
                 cloud = replace(cloud, points=sieve.returned(cloud.points))
             placed = self._placing.place(source, cloud)
-            if placed is None:
-                tally.unplaced += 1
-                tally.drop(UNPLACED, len(cloud.points))
+            if isinstance(placed, str):
+                tally.leave_out(placed, len(cloud.points))
                 continue
             if watched is not None and cloud.message >= 0 and placed.points is cloud.points:
                 watched.add(cloud.points, (source.label, cloud.message))
@@ -238,7 +236,7 @@ class Recording:
         """Whether the last pass has left clouds unread, as the glance was over."""
         return self._glance is not None and self._glance.cut
 
-    def _route(self, times: Sequence[float], witness: Witness | None) -> Iterator[Cloud]:
+    def _route(self, times: Sequence[Moment], witness: Witness | None) -> Iterator[Cloud]:
         """Yield where the craft was at these times, as far as known, as clouds without points."""
         for craft in map(self._placing.craft, times):
             if witness is not None:
@@ -294,6 +292,7 @@ def open_recording(
     pose_topic: str | None = None,
     extrinsic: Sequence[float] | None = None,
     time_source: Clock = "header",
+    pose_gap: float | None = None,
     route: str | os.PathLike[str] | None = None,
     glance: Glance | None = None,
 ) -> Recording:
@@ -327,6 +326,9 @@ def open_recording(
         The pose of the sensor on the craft: x, y, z and a quaternion x, y, z, w.
     time_source : {"header", "log"}
         Which times are used: those in the headers of messages, or those of their recording.
+    pose_gap : float, optional
+        The longest time (s) between two poses or transforms across which is interpolated; by
+        default 10 s, or three times their median spacing where that is more.
     route : path, optional
         A file with the trajectory of the craft: lines of ``stamp x y z qx qy qz qw``.
     glance : Glance, optional
@@ -345,21 +347,13 @@ def open_recording(
     InputError
         A source is missing, broken, of no known format, or cannot come into the map frame.
     """
-    for name, text in {
-        "topic": topic,
-        "columns": columns,
-        "frame": frame,
-        "pose_topic": pose_topic,
-    }.items():
-        expect(text, (str, NoneType), name, "a text")
-    expect(up, str, "up", "a text")
-    expect(time_source, str, "time_source", "a text")
-    for name, time in {"start": start, "end": end}.items():
-        expect(time, (Real, NoneType), name, "a number of seconds")
+    check_types(
+        texts={"topic": topic, "columns": columns, "frame": frame, "pose_topic": pose_topic},
+        named={"up": up, "time_source": time_source},
+        times={"start": start, "end": end, "pose_gap": pose_gap},
+        numbers={"crop": crop, "extrinsic": extrinsic},
+    )
     expect(every, Integral, "every", "a whole number")
-    for name, numbers in {"crop": crop, "extrinsic": extrinsic}.items():
-        if numbers is not None:
-            expect_items(numbers, name, "a sequence of numbers")
     if route is not None:
         expect_path(route, "route", "a trajectory")
     expect(glance, (Glance, NoneType), "glance", "a Glance")
@@ -371,6 +365,8 @@ def open_recording(
     if time_source not in get_args(Clock):
         expected = ", ".join(get_args(Clock))
         raise UsageError(f"`time_source` {time_source}: expected one of {expected}")
+    if pose_gap is not None and not pose_gap > 0:
+        raise UsageError(f"`pose_gap` {pose_gap}: expected seconds, more than 0")
     if not sources:
         raise UsageError("no source given: expected at least one recording")
     reading = Reading(topic, columns, time_source)
@@ -379,14 +375,16 @@ def open_recording(
         opened = [glance.of(source) for source in opened]
     has_topics = [bool(source.topics()) for source in opened]
     is_text = [source.kind == "text cloud" for source in opened]
-    _check_applies("topic", topic, has_topics, "a bag")
-    _check_applies("pose_topic", pose_topic, has_topics, "a bag")
-    _check_applies("extrinsic", listed(extrinsic), has_topics, "a bag")
-    _check_applies("columns", columns, is_text, "a text cloud")
+    check_applies("topic", topic, has_topics, "a bag")
+    check_applies("pose_topic", pose_topic, has_topics, "a bag")
+    check_applies("pose_gap", pose_gap, has_topics, "a bag")
+    check_applies("extrinsic", listed(extrinsic), has_topics, "a bag")
+    check_applies("columns", columns, is_text, "a text cloud")
     if latest:
-        _check_latest(opened, cumulative=cumulative)
+        check_latest(opened, cumulative=cumulative)
     trajectory = None if route is None else read_trajectory(Path(route))
-    placing = Placing.of(opened, Asked(frame, pose_topic, Mounting.of(extrinsic), trajectory))
+    mounting = Mounting.of(extrinsic)
+    placing = Placing.of(opened, Asked(frame, pose_topic, mounting, trajectory, pose_gap))
     given = {
         "topic": topic,
         "columns": columns,
@@ -401,6 +399,7 @@ def open_recording(
         "pose_topic": pose_topic,
         "extrinsic": None if extrinsic is None else list(extrinsic),
         "time_source": time_source if time_source != "header" else None,
+        "pose_gap": pose_gap,
         "route": None if route is None else os.fspath(route),
     }
     options = {name: value for name, value in given.items() if value is not None}
@@ -432,18 +431,3 @@ def _find_up(recording: Recording) -> Up:
     for _ in whole._clouds(witness):
         pass
     return witness.find_up(recording._trajectory)
-
-
-def _check_latest(sources: Sequence[Source], *, cumulative: bool) -> None:
-    if cumulative:
-        raise UsageError("`latest`: does not go with `cumulative`; leave one of them out")
-    for source in sources:
-        if not source.topics():
-            raise UsageError(
-                f"`latest`: {source.path} ({source.kind}) holds no messages; leave it out"
-            )
-
-
-def _check_applies(argument: str, value: object, applies: Sequence[bool], what: str) -> None:
-    if value is not None and not any(applies):
-        raise UsageError(f"`{argument}` {value}: no source is {what}")

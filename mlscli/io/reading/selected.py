@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import count, islice
 
+from mlscli.io.reading.epochs import Elapsed
+from mlscli.io.reading.history import Moment
 from mlscli.io.reading.selection import Selection
 from mlscli.io.reading.tally import Tally
 from mlscli.io.source import Cloud, Source, Wanted
@@ -21,22 +24,22 @@ def selected(
 
 def last_message(
     sources: Sequence[Source], selection: Selection, tally: Tally
-) -> tuple[list[tuple[Source, Cloud]], list[float]]:
+) -> tuple[list[tuple[Source, Cloud]], list[Moment]]:
     """Read the clouds of the last message of a selection, of which `every` counts messages.
 
     Returns
     -------
     clouds : list of (Source, Cloud)
         With their source; none where no message is selected.
-    times : list of float
-        The stamps (s) of all messages selected.
+    times : list of Moment
+        When all messages selected were taken.
     """
-    by_time, numbers, times = _wanted(selection, tally), count(), list[float]()
+    by_time, numbers, times = _wanted(selection, tally), count(), list[Moment]()
 
-    def wanted(stamp: float) -> bool:
-        if not by_time(stamp) or next(numbers) % selection.every:
+    def wanted(stamp: float, logged: float = math.nan) -> bool:
+        if not by_time(stamp, logged) or next(numbers) % selection.every:
             return False
-        times.append(stamp)
+        times.append(Moment(stamp, logged, source))
         return True
 
     last: list[tuple[Source, Cloud]] = []
@@ -47,13 +50,15 @@ def last_message(
 
 def _wanted(selection: Selection, tally: Tally) -> Wanted:
     """Return what chooses keyframes by time, and counts those that come."""
-    choose = selection.chooser()
+    elapsed = Elapsed()
+    tally.jumps = elapsed.jumps
+    choose = selection.chooser(elapsed)
 
-    def wanted(stamp: float) -> bool:
+    def wanted(stamp: float, logged: float = math.nan) -> bool:
         if not tally.came:
             tally.began = stamp
         tally.came += 1
         tally.timed |= stamp != 0
-        return choose(stamp)
+        return choose(stamp, logged)
 
     return wanted

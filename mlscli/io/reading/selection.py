@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mlscli.errors import UsageError
+from mlscli.io.reading.epochs import Elapsed
 from mlscli.io.source import Wanted
 
 _RELATIVE_BELOW = 1e8
@@ -20,7 +21,8 @@ class Selection:
     Attributes
     ----------
     start, end : float or None
-        Times in seconds, inclusive; below 1e8 they count from the first keyframe.
+        Times in seconds, inclusive; below 1e8 they count from the first keyframe, in the order of
+        recording, also where the clock jumps.
     every : int
         Of the keyframes between, take the first and every N-th after it.
     crop : six floats or None
@@ -43,8 +45,8 @@ class Selection:
                 raise UsageError(f"`{argument}` {time}: expected seconds")
         if self.start is not None and self.end is not None:
             same_clock = (self.start < _RELATIVE_BELOW) == (self.end < _RELATIVE_BELOW)
-            if same_clock and self.start >= self.end:
-                raise UsageError(f"`start` {self.start} is not before `end` {self.end}")
+            if same_clock and self.start > self.end:
+                raise UsageError(f"`start` {self.start} is after `end` {self.end}")
         if self.every < 1:
             raise UsageError(f"`every` {self.every}: expected a whole number of at least 1")
         if self.crop is not None:
@@ -64,26 +66,29 @@ class Selection:
         end = _absolute(self.end, first, last)
         return max(min(end, last) - max(start, first), 0.0)
 
-    def chooser(self) -> Wanted:
+    def chooser(self, elapsed: Elapsed | None = None) -> Wanted:
         """Return a function that chooses by time; the first stamp passed to it is the beginning.
+
+        Parameters
+        ----------
+        elapsed : Elapsed, optional
+            It is told of all that come, chosen or not.
 
         Raises
         ------
         UsageError
             From that function, where `start` or `end` is given and a stamp is NaN.
         """
-        beginning: float | None = None
+        clock = Elapsed() if elapsed is None else elapsed
 
-        def wanted(stamp: float) -> bool:
-            nonlocal beginning
+        def wanted(stamp: float, logged: float = math.nan) -> bool:
+            clock.come(stamp, logged)
             if not self.by_time:
                 return True
             if math.isnan(stamp):
                 raise UsageError("`start`, `end`: the recording has no time stamps to go by")
-            if beginning is None:
-                beginning = stamp
-            start = _absolute(self.start, beginning, -math.inf)
-            end = _absolute(self.end, beginning, math.inf)
+            start = _absolute(self.start, clock.zero, -math.inf)
+            end = _absolute(self.end, clock.zero, math.inf)
             return start <= stamp <= end
 
         return wanted

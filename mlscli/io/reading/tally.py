@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-NO_RETURN, UNPLACED, REPEATED = "no return", "no transform at their time", "repeated"
-NOT_FINITE = "not finite"
+from mlscli.io.reading.epochs import told
+
+NO_RETURN, REPEATED, NOT_FINITE = "no return", "repeated", "not finite"
 """Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
+
+UNPLACED, IN_GAP = "no transform at their time", "within a gap of the transforms"
+FRAMELESS, UNCONNECTED = "in no frame, unlike others", "no transform from their frame"
+"""Reasons to leave out a keyframe whose place in the map frame is not known."""
+
+_WHY = {
+    UNPLACED: "where they were is not known at their times",
+    IN_GAP: "they fall into a gap of the transforms or poses; `pose_gap` says how long one may be",
+    FRAMELESS: "they state no frame, and others of their topic do",
+    UNCONNECTED: "no transform leads from their frame to the map frame",
+}
 
 
 @dataclass
@@ -23,23 +35,46 @@ class Tally:
         How many points were dropped, by reason.
     keyframes : int
         Keyframes selected.
-    unplaced : int
-        Selected keyframes that are left out, as their poses are not known.
+    left_out : dict of str to int
+        How many selected keyframes are left out, as their poses are not known, by reason.
     came : int
         Keyframes read, selected or not.
     began : float
         Stamp of the first keyframe read, in seconds; NaN before it.
     timed : bool
         Whether a keyframe read has a stamp other than 0.
+    jumps : list of (float, float)
+        What the clock said before and after each jump, in seconds.
     """
 
     points_read: int = 0
     dropped: dict[str, int] = field(default_factory=dict)
     keyframes: int = 0
-    unplaced: int = 0
+    left_out: dict[str, int] = field(default_factory=dict)
     came: int = 0
     began: float = math.nan
     timed: bool = False
+    jumps: list[tuple[float, float]] = field(default_factory=list)
+
+    @property
+    def unplaced(self) -> int:
+        """Selected keyframes that are left out, as their poses are not known."""
+        return sum(self.left_out.values())
+
+    def leave_out(self, reason: str, points: int) -> None:
+        """Count a keyframe that is left out, and its points, under a reason."""
+        self.left_out[reason] = self.left_out.get(reason, 0) + 1
+        self.drop(reason, points)
+
+    def notes(self) -> Iterator[str]:
+        """Yield what the user should know about which keyframes came."""
+        for reason, count in self.left_out.items():
+            yield f"{count:,} of {self.keyframes:,} keyframes are left out: {_WHY[reason]}"
+        if self.jumps:
+            yield (
+                f"the clock of the clouds jumps {told(self.jumps)}; `start` and `end` count on by "
+                "the times of recording, and no pose before a jump counts after it"
+            )
 
     def drop(self, reason: str, points: int) -> None:
         """Count dropped points under a reason."""

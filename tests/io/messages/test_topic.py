@@ -140,7 +140,7 @@ def test_messages_outside_the_time_are_not_decoded(
     monkeypatch.setattr(Deserializer, "read", noting_read)
 
     asked = itertools.count()
-    clouds = list(source.clouds(lambda _: next(asked) == 2))
+    clouds = list(source.clouds(lambda _stamp, _logged=0.0: next(asked) == 2))
 
     assert [cloud.stamp for cloud in clouds] == [stamps[2]]
     assert len(decoded) == 1

@@ -68,7 +68,7 @@ def test_sources_in_turn_share_the_bound() -> None:
 
 def test_messages_that_nobody_wants_end_with_the_time() -> None:
     glance = Glance(seconds=0.05)
-    assert not list(source_of(glance, Flight()).clouds(lambda _: False))
+    assert not list(source_of(glance, Flight()).clouds(lambda _stamp, _logged=0.0: False))
     assert glance.cut
 
 

@@ -89,11 +89,20 @@ def test_clouds_of_a_sensor_need_their_frame_declared(tmp_path: Path) -> None:
         xs(open_recording(bag, frame="map"))
 
 
-def test_frames_must_not_change_within_a_recording(tmp_path: Path) -> None:
-    clouds = [Sent(np.ones((1, 3)), frame_id=frame) for frame in ("map", "odom")]
+def test_clouds_in_a_frame_that_nothing_leads_from_are_left_out_and_counted(
+    tmp_path: Path,
+) -> None:
+    frames = ["map", "odom", "", "map"]
+    clouds = [Sent(np.full((2, 3), x), frame_id=frame) for x, frame in enumerate(frames)]
+    recording = open_recording(write_bag(tmp_path / "a.bag", clouds))
 
-    with pytest.raises(InputError, match="'odom', expected the map frame 'map'"):
-        xs(open_recording(write_bag(tmp_path / "a.bag", clouds)))
+    assert xs(recording) == [0, 0, 3, 3]
+    assert recording.tally.dropped == {
+        "no transform from their frame": 2,
+        "in no frame, unlike others": 2,
+    }
+    notes = [note for note in recording.notes if "1 of 4 keyframes are left out" in note]
+    assert len(notes) == 2
 
 
 # Turning, dropping, counting

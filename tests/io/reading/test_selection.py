@@ -74,7 +74,7 @@ def test_times_without_time_stamps_are_wrong_usage(tmp_path: Path) -> None:
     [
         ({"up": "w"}, "`up` w: expected one of z, -z, y, -y, x, -x, auto"),
         ({"every": 0}, "`every` 0"),
-        ({"start": 2.0, "end": 1.0}, "`start` 2.0 is not before `end` 1.0"),
+        ({"start": 2.0, "end": 1.0}, "`start` 2.0 is after `end` 1.0"),
         ({"start": math.nan}, "`start` nan"),
         ({"crop": (0, 1, 0, 1, 2, 1)}, "zmin 2 is above zmax 1"),
         ({"crop": (0, 1, 0, 1)}, "expected six numbers"),

@@ -1,0 +1,265 @@
+"""What the transforms of a recording said, in the order in which they were recorded.
+
+Where the clock begins anew, an epoch ends: poses of one never serve clouds of another (`epochs`).
+A static transform counts from its stamp on. Of several robots' transforms those are taken that
+belong to the clouds (`namespaces`). Sources are one recording in the order of the times at which
+they were recorded, unless they tell of the same frames at the same times and contradict each other:
+then each has transforms of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Hashable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mlscli.geometry.transforms import TransformTree, bare
+from mlscli.io.reading.epochs import Epochs, told
+from mlscli.io.reading.namespaces import choose
+from mlscli.io.source import Source, StampedPoses
+from mlscli.runtime.arrays import Float64
+
+# The stamp of a static transform is none of the clock's if it is farther off (s).
+_FARTHEST = 3600.0
+
+
+class Moment(NamedTuple):
+    """When a cloud was taken.
+
+    Attributes
+    ----------
+    stamp, logged : float
+        As its header says, and when it was recorded, in seconds; NaN where not known.
+    source : Source or None
+        Where it was recorded.
+    """
+
+    stamp: float
+    logged: float = math.nan
+    source: Source | None = None
+
+
+class History:
+    """The transforms of sources.
+
+    Attributes
+    ----------
+    whole : TransformTree
+        All of them, to see how frames hang together.
+    notes : list of str
+        What the user should know about how they are taken.
+    contradiction : str
+        Why it is not known whose transforms are those of the clouds; empty where it is.
+    """
+
+    def __init__(
+        self, sources: Sequence[Source], gap: float | None = None, *, of_clouds: bool = True
+    ) -> None:
+        """Read the transforms of sources.
+
+        Parameters
+        ----------
+        sources : sequence of Source
+        gap : float, optional
+            Nothing is interpolated across so many seconds, see `PoseTrack`.
+        of_clouds : bool
+            Whether to take only those that belong to the topic of the clouds.
+        """
+        self.notes: list[str] = []
+        self.contradiction = ""
+        self._gap = gap
+        read = [list(source.transforms()) for source in sources]
+        if of_clouds:
+            read = [self._own(each, source) for each, source in zip(read, sources, strict=True)]
+        groups = [list(range(len(sources)))]
+        if _contradict(read):
+            groups = [[number] for number, each in enumerate(read) if each]
+            self.notes.append(
+                "several sources tell of the same frames at the same times; the clouds of each are "
+                "moved by its own transforms"
+            )
+        self._groups = {
+            id(sources[number]): place for place, group in enumerate(groups) for number in group
+        }
+        self._told = [self._group(read, group) for group in groups]
+        trees = [tree for _, some in self._told for tree in some]
+        self.whole = trees[0] if len(trees) == 1 else TransformTree(gap)
+        if len(trees) > 1:
+            for poses, stays in (each for some in read for each in some):
+                _add(self.whole, poses, stays, -math.inf)
+
+    def at(self, moment: Moment) -> TransformTree:
+        """Return the transforms in force for a cloud; none where it is not known which."""
+        group = self._groups.get(id(moment.source)) if len(self._told) > 1 else 0
+        if group is None:
+            return TransformTree(self._gap)
+        epochs, trees = self._told[group]
+        return trees[epochs.at(moment.stamp, moment.logged)]
+
+    def trees(self) -> Iterator[TransformTree]:
+        """Yield the trees of all epochs, each once."""
+        for _, trees in self._told:
+            yield from trees
+
+    def add_static(self, parent: str, child: str, translation: Float64, rotation: Float64) -> None:
+        """Add T_parent_child, which stays at all times, as in `TransformTree`."""
+        for tree in dict.fromkeys((self.whole, *self.trees())):
+            tree.add_static(parent, child, translation, rotation)
+
+    def _own(
+        self, read: list[tuple[StampedPoses, bool]], source: Source
+    ) -> list[tuple[StampedPoses, bool]]:
+        """Return the transforms of a source that are those of its clouds."""
+        topics = {poses.topic for poses, _ in read}
+        if len({topic.rpartition("/")[0] for topic in topics}) < 2:
+            return read
+        choice = choose((poses for poses, _ in read), source.topic)
+        if choice.note:
+            self.notes.append(f"{source.path}: {choice.note}")
+        if choice.is_open:
+            self.contradiction = choice.note
+        return [
+            (poses, stays)
+            for poses, stays in read
+            if bare(poses.child) not in choice.children.get(poses.topic, ())
+        ]
+
+    def _group(
+        self, read: Sequence[list[tuple[StampedPoses, bool]]], group: Sequence[int]
+    ) -> tuple[Epochs, list[TransformTree]]:
+        """Return the epochs of sources that are one recording, and the transforms of each."""
+        own = [each for number in group for each in read[number] if len(each[0].stamps)]
+        own.sort(key=lambda each: each[0].logged)
+        moving = [poses for poses, stays in own if not stays]
+        streams: dict[Hashable, list[int]] = {}
+        for number, poses in enumerate(moving):
+            streams.setdefault(_stream(poses), []).append(number)
+        logged = np.array([poses.logged for poses in moving])
+        stamps = np.array([poses.stamps.max() for poses in moving])
+        epochs = Epochs.of({key: (logged[rows], stamps[rows]) for key, rows in streams.items()})
+        if jumps := [(begin.before, begin.after) for begin in epochs.begins]:
+            self.notes.append(
+                f"the clock of the transforms jumps back {told(jumps)}; clouds are moved by those "
+                "that were recorded since the last jump before them"
+            )
+        trees = [TransformTree(self._gap) for _ in range(len(epochs.begins) + 1)]
+        # What other sources state for all times serves where a source does not.
+        for number, each in enumerate(read):
+            if number not in group:
+                for poses, stays in each:
+                    for tree in trees if stays else ():
+                        _add(tree, poses, stays, -math.inf)
+        place = np.zeros((len(moving), 2), dtype=np.int64)
+        for key, runs in epochs.runs.items():
+            for first, stop, begin, last in runs:
+                place[streams[key][first:stop]] = begin, last
+        for poses, (begin, last) in zip(moving, place.tolist(), strict=True):
+            for tree in trees[begin : last + 1]:
+                _add(tree, poses, False, -math.inf)
+        for child, parents in sorted(
+            {k: v for tree in trees for k, v in tree.in_turn().items()}.items()
+        ):
+            self.notes.append(
+                f"{child!r} is told in several frames in turn, {', '.join(map(repr, parents))}; a "
+                "frame has one parent (REP 105), and clouds go by the last before them"
+            )
+        self._add_static(trees, epochs, [poses for poses, stays in own if stays], logged, stamps)
+        return epochs, trees
+
+    def _add_static(
+        self,
+        trees: Sequence[TransformTree],
+        epochs: Epochs,
+        static: Sequence[StampedPoses],
+        logged: Float64,
+        stamps: Float64,
+    ) -> None:
+        """Add static transforms, each from its stamp on; in the epochs after its own, throughout.
+
+        A stamp that cannot be one of the clock, or is none after that of the transform before, as
+        of publishers that leave it 0, is replaced by what the clock said at the time of recording.
+        """
+        latest: dict[str, float] = {}
+        changes: dict[str, list[float]] = {}
+        for poses in static:
+            for row in range(len(poses.stamps)):
+                stamp, child = float(poses.stamps[row]), poses.child
+                seen = bisect_right(logged, poses.logged)
+                clock = float(stamps[seen - 1]) if seen else math.nan
+                begin = stamp
+                if stamp <= latest.get(child, -math.inf) or abs(stamp - clock) > _FARTHEST:
+                    begin = clock
+                    if math.isnan(clock):
+                        # What comes before all that moves counts from the beginning on.
+                        begin = -math.inf if len(stamps) else poses.logged
+                latest[child] = max(stamp, latest.get(child, -math.inf))
+                epoch = sum(each.logged <= poses.logged for each in epochs.begins)
+                is_other = False
+                for number, tree in enumerate(trees[epoch:]):
+                    is_other |= tree.add_static(
+                        poses.parent,
+                        child,
+                        poses.translations[row],
+                        poses.quaternions[row],
+                        -math.inf if number else begin,
+                    )
+                if is_other:
+                    changes.setdefault(child, []).append(begin)
+        for child, times in changes.items():
+            often = f" {len(times):,} times, first" if len(times) > 1 else ""
+            when = f"at {times[0]:.3f} s" if math.isfinite(times[0]) else "at the beginning"
+            self.notes.append(
+                f"the static transform of {child!r} changes{often} {when}; each counts from then on"
+            )
+
+
+def _add(tree: TransformTree, poses: StampedPoses, stays: bool, begin: float) -> None:
+    if not stays:
+        tree.add(poses.parent, poses.child, poses.stamps, poses.translations, poses.quaternions)
+        return
+    for translation, rotation in zip(poses.translations, poses.quaternions, strict=True):
+        tree.add_static(poses.parent, poses.child, translation, rotation, begin)
+
+
+def _stream(poses: StampedPoses) -> tuple[str, str, str]:
+    return poses.topic, poses.parent, poses.child
+
+
+def _contradict(read: Sequence[list[tuple[StampedPoses, bool]]]) -> bool:
+    """Return whether two sources, recorded at the same times, tell a frame's poses differently."""
+    if sum(any(not stays for _, stays in each) for each in read) < 2:
+        return False
+    tables: list[dict[tuple[str, str], Float64]] = []
+    for each in read:
+        rows: dict[tuple[str, str], list[Float64]] = {}
+        for poses, stays in each:
+            if not stays and len(poses.stamps):
+                logged = np.full(len(poses.stamps), poses.logged)
+                row = np.column_stack((poses.stamps, logged, poses.translations))
+                rows.setdefault((poses.parent, poses.child), []).append(row)
+        tables.append({key: np.concatenate(some) for key, some in rows.items()})
+    return any(
+        _differ(tables[a][key], tables[b][key])
+        for a in range(len(tables))
+        for b in range(a)
+        for key in tables[a].keys() & tables[b].keys()
+    )
+
+
+def _differ(one: Float64, other: Float64) -> bool:
+    """Return whether rows (stamp, logged, x, y, z) of the same times have few poses in common."""
+    for column in (0, 1):
+        low = max(one[:, column].min(), other[:, column].min())
+        high = min(one[:, column].max(), other[:, column].max())
+        if not low < high:
+            return False
+        one = one[(one[:, column] >= low) & (one[:, column] <= high)]
+        other = other[(other[:, column] >= low) & (other[:, column] <= high)]
+        if not len(one) or not len(other):
+            return False
+    here = {row.tobytes() for row in one[:, [0, 2, 3, 4]]}
+    there = {row.tobytes() for row in other[:, [0, 2, 3, 4]]}
+    return len(here & there) * 2 < min(len(here), len(there))
