@@ -22,7 +22,6 @@ from mlscli.io.source import rows_by_first_appearance
     ("name", "words"),
     [
         ("sparse/stella_map_small.msg", "binary data"),
-        ("sparse/colmap_pysfm/cameras.bin", "binary data"),
         ("sparse/opensfm_berlin/tracks.csv", "OPENSFM_TRACKS"),
         ("sparse/euroc_orb2_KeyFrameTrajectory_tum.txt", "`route`"),
         ("multilevel/unitree_ISR_registration_metrics.json", "JSON"),
