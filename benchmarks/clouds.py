@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from mlscli.keyframes.batches import Points
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.columns import COLUMNS
+from mlscli.maps.surface_map import SurfaceMap
 
 CELL = 0.15
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from mlscli.maps.cells import cell_of, key_of
+from mlscli.maps.columns import COLUMNS
 from mlscli.maps.grid import Grid
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array, Float64, Int32, UInt8, UInt32, UInt64
 from mlscli.runtime.kernels import kernel
 

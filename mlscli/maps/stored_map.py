@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlscli.maps.columns import COLUMNS
 from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array, Float64
 from mlscli.runtime.scratch import Scratch, Stored
 

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import accumulate
 from numbers import Real
 from types import NoneType
 from typing import Any
@@ -20,6 +19,7 @@ import numpy as np
 
 from mlscli.errors import InputError, expect
 from mlscli.maps.cells import CellSet, Limits
+from mlscli.maps.columns import COLUMNS, STATISTICS, new_columns
 from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
@@ -31,43 +31,8 @@ from mlscli.runtime.threads import LIGHT, in_ranges
 MEASURED, PLASTERED, ARTIFICIAL = 0, 1, 2
 ORIGINS = ("measured", "plastered", "artificial")
 
-COLUMNS: Mapping[str, np.dtype[Any]] = {
-    "ix": np.dtype(np.int32),
-    "iy": np.dtype(np.int32),
-    "height": np.dtype(np.float64),
-    "depth": np.dtype(np.float64),
-    "top": np.dtype(np.float64),
-    "bottom": np.dtype(np.float64),
-    "mean": np.dtype(np.float64),
-    "variance": np.dtype(np.float64),
-    "count": np.dtype(np.uint32),
-    "origin": np.dtype(np.uint8),
-    "moved": np.dtype(np.uint8),
-    "region": np.dtype(np.int32),
-    "first_keyframe": np.dtype(np.int32),
-    "last_keyframe": np.dtype(np.int32),
-}
-STATISTICS = ("top", "bottom", "mean", "variance")
 _ENDS = {"height", "depth", "top", "bottom"}
 _ARRAYS = (*COLUMNS, "route")
-
-
-# Where the columns begin in a block of memory for one patch, and the length of the block.
-_OFFSETS = tuple(accumulate((dtype.itemsize for dtype in COLUMNS.values()), initial=0))
-
-
-def new_columns(size: int) -> dict[str, Any]:
-    """Return columns by name, for `size` patches, not initialised.
-
-    They share one block of memory: one large allocation is faster than many small ones.
-    """
-    # A multiple of 64, so that each column is aligned.
-    room = -(-size // 64) * 64
-    block = np.empty(room * _OFFSETS[-1], dtype=np.uint8)
-    return {
-        name: np.ndarray(size, dtype, block, room * offset)
-        for (name, dtype), offset in zip(COLUMNS.items(), _OFFSETS, strict=False)
-    }
 
 
 def _no_route() -> Float64:

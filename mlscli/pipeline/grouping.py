@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from mlscli.keyframes.batches import Points
+from mlscli.maps.columns import new_columns
 from mlscli.maps.grid import Grid
 from mlscli.maps.patches import begins_group, shapes_of
-from mlscli.maps.surface_map import MEASURED, SurfaceMap, new_columns
+from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
 from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt32
 from mlscli.runtime.kernels import kernel

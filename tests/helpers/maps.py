@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlscli.keyframes.batches import Points
+from mlscli.maps.columns import COLUMNS
 from mlscli.maps.merging import with_measured
 from mlscli.maps.records import columns_of, records_of
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.surface_map import SurfaceMap
 
 CELL, GAP, THICKNESS = 0.5, 0.75, 0.25
 KEYFRAMES = 7

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 
 from mlscli.errors import InputError
 from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, CellSet, pack, unpack
+from mlscli.maps.columns import COLUMNS
 from mlscli.maps.grid import Grid
 from mlscli.maps.strips import STRIP_BITS
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.surface_map import SurfaceMap
 from tests.helpers.cells import cells_in
 from tests.helpers.maps import Patch, map_of, patches_of, random_map
 

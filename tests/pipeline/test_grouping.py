@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.errors import UsageError
 from mlscli.keyframes.batches import Points
+from mlscli.maps.columns import COLUMNS
 from mlscli.maps.grid import Grid
 from mlscli.maps.merging import merge_maps
 from mlscli.maps.recorded import TURN
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Bool
 from tests.helpers import point_references as references

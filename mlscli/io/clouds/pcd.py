@@ -133,8 +133,11 @@ class PcdCloud(PointFile):
                     f"{field.count}, more than a point can hold"
                 )
         wanted = wanted_fields(
-            field.name if field.count == 1 and field.size in _SIZES.get(field.type, ()) else ""
-            for field in fields
+            self.path,
+            (
+                field.name if field.count == 1 and field.size in _SIZES.get(field.type, ()) else ""
+                for field in fields
+            ),
         )
         if wanted is None:
             names = ", ".join(f"{f.name} ({f.type}{f.size} x {f.count})" for f in fields)

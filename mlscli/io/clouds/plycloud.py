@@ -108,7 +108,9 @@ class PlyCloud(PointFile):
 
     def _wanted(self, vertex: _Element) -> list[int]:
         """Return the indices of the properties x, y, z and, where there is one, of the keyframe."""
-        wanted = wanted_fields("" if field.length else field.name for field in vertex.fields)
+        wanted = wanted_fields(
+            self.path, ("" if field.length else field.name for field in vertex.fields)
+        )
         if wanted is None:
             names = ", ".join(field.name for field in vertex.fields)
             raise InputError(

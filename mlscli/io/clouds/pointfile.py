@@ -129,18 +129,29 @@ class PointFile(ABC):
             raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
 
-def wanted_fields(names: Iterable[str]) -> list[int] | None:
+def wanted_fields(path: Path, names: Iterable[str]) -> list[int] | None:
     """Return the indices of x, y, z and, if any, the keyframe; None where x, y or z is missing.
 
     Parameters
     ----------
+    path : Path
+        The file, to be named.
     names : iterable of str
         Names of all fields, empty for fields that are no number. Case does not matter; of several
         equal names the first counts.
+
+    Raises
+    ------
+    InputError
+        They are those of poses, as LIO-SAM and its kin keep theirs beside the cloud.
     """
     places = {name.lower(): place for place, name in reversed(list(enumerate(names)))}
     if not places.keys() >= {"x", "y", "z"}:
         return None
+    if places.keys() >= {"roll", "pitch", "yaw"}:
+        raise InputError(
+            f"{path}: holds poses (x, y, z, roll, pitch, yaw) and no points; name the cloud instead"
+        )
     keyframe = keyframe_field(places)
     return [places[name] for name in ("x", "y", "z", keyframe) if name is not None]
 

@@ -54,13 +54,12 @@ class PoseColumns(NamedTuple):
     ----------
     layout : Layout
         Of the names in `TUM` or `MATRIX`; without stamp or quaternion where there are none.
-    order : {"", "named", "w first"}
-        Whether a header names the components of the quaternions, or the program that wrote them is
-        known to write w first; empty where x y z w is taken as usual.
+    is_w_first : bool
+        Whether the layout without a header is that of programs that write w first.
     """
 
     layout: Layout
-    order: str = ""
+    is_w_first: bool = False
 
 
 def by_names(opening: Opening) -> PoseColumns | None:
@@ -71,8 +70,7 @@ def by_names(opening: Opening) -> PoseColumns | None:
                 continue
             places = _named(names)
             if places and max(places.values()) < opening.width:
-                order = "named" if "qw" in places else ""
-                return PoseColumns(Layout(places, len(names)), order)
+                return PoseColumns(Layout(places, len(names)))
     return None
 
 
@@ -93,7 +91,7 @@ def by_numbers(rows: Sequence[Sequence[str]], width: int) -> PoseColumns | None:
     if width == len(MATRIX) and _are_rotations(values):
         return PoseColumns(_ordered(MATRIX))
     if width in _W_FIRST and in_time and _are_unit(values[:, 4:8]):
-        return PoseColumns(_ordered((*TUM[:4], "qw", "qx", "qy", "qz")), "w first")
+        return PoseColumns(_ordered((*TUM[:4], "qw", "qx", "qy", "qz")), is_w_first=True)
     if width >= len(TUM) and in_time and _are_unit(values[:, 4:8]):
         return PoseColumns(_ordered(TUM))
     if width == len(TUM) - 1 and _are_unit(values[:, 3:7]):

@@ -8,7 +8,7 @@ microseconds or milliseconds, where these make them a date of our time or fewer 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -59,8 +59,6 @@ class Trajectory:
         What the user should know about how it was read.
     is_timed : bool
         Whether the stamps are times; otherwise they only count the poses.
-    is_order_known : bool
-        Whether it is known which component of a quaternion is w.
     """
 
     path: Path
@@ -69,7 +67,6 @@ class Trajectory:
     attitudes: Float64 | None
     notes: tuple[str, ...] = ()
     is_timed: bool = True
-    is_order_known: bool = True
 
     @property
     def route(self) -> Float64:
@@ -92,11 +89,6 @@ class Trajectory:
         if not self.is_timed:
             return np.full((len(stamps), 3), np.nan)
         return self.track.at(stamps).translation
-
-    def with_w_first(self) -> Trajectory:
-        """Return the trajectory with quaternions taken as w x y z, where they were as x y z w."""
-        assert self.attitudes is not None
-        return replace(self, attitudes=np.roll(self.attitudes, -1, axis=1), is_order_known=True)
 
 
 def read_trajectory(path: Path) -> Trajectory:
@@ -129,7 +121,7 @@ def read_trajectory(path: Path) -> Trajectory:
         rows, notes = _rows(path, opening, columns)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if columns.order == "w first":
+    if columns.is_w_first:
         notes.append(f"{path}: the quaternions are taken as w x y z, as VINS and EuRoC write them")
     return _trajectory(path, rows, columns, notes)
 
@@ -192,7 +184,7 @@ def _of_graph(path: Path) -> Trajectory:
             poses.append((name, *pose))
     layout = by_position(len(TUM))
     assert layout is not None
-    return _trajectory(path, np.array(poses), layout._replace(order="named"), [], is_timed=False)
+    return _trajectory(path, np.array(poses), layout, [], is_timed=False)
 
 
 def _trajectory(
@@ -238,7 +230,6 @@ def _trajectory(
         None if attitudes is None else unit(attitudes[order]),
         tuple(notes),
         is_timed,
-        attitudes is None or bool(columns.order) or "m00" in names,
     )
 
 

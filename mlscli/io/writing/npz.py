@@ -25,10 +25,11 @@ import numpy as np
 
 from mlscli.errors import InputError, MlsError, expect, expect_path
 from mlscli.io.writing.atomic import atomic_write
+from mlscli.maps.columns import COLUMNS
 from mlscli.maps.free_space import FREE_COLUMNS, FreeSpace
 from mlscli.maps.grid import LENGTHS
 from mlscli.maps.stored_map import StoredMap, column_of
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array
 
 FORMAT, VERSION = "mls-map", 2

@@ -17,8 +17,9 @@ import numpy as np
 from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import Limits, pack
 from mlscli.maps.change import points_in
+from mlscli.maps.columns import new_columns
 from mlscli.maps.grid import Grid
-from mlscli.maps.surface_map import SurfaceMap, new_columns
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.line_counts import LineCounts
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report

@@ -228,6 +228,15 @@ def test_entries_that_older_versions_lack_have_their_usual_values(tmp_path: Path
     assert read(tmp_path / "a.pcd") == ([[[1, 2, 3], [4, 5, 6]]], [])
 
 
+def test_poses_are_no_points(tmp_path: Path) -> None:
+    # As LIO-SAM keeps them, beside the cloud.
+    names = "x y z intensity roll pitch yaw time"
+    content = pcd("ascii", b"1 2 3 0 0 0 0 1\n" * 2, FIELDS=names, SIZE=None, TYPE=None, COUNT=None)
+    (tmp_path / "transformations.pcd").write_bytes(content)
+    with pytest.raises(InputError, match=r"transformations\.pcd: holds poses .* and no points"):
+        read(tmp_path / "transformations.pcd")
+
+
 @pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
 def test_a_field_splits_the_cloud_by_keyframe(tmp_path: Path, data: str) -> None:
     xyz = [np.array([k, 0, 0], "<f4") for k in (1, 2, 3)]

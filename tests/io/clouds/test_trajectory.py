@@ -306,12 +306,3 @@ def test_a_trajectory_cut_in_its_last_line_is_read_up_to_there(tmp_path: Path) -
     (note,) = trajectory.notes
     assert "traj.txt:3: found 5 columns" in note
     assert "cut there" in note
-
-
-def test_which_component_is_w_is_known_by_names_and_programs_alone(tmp_path: Path) -> None:
-    known = {name: read(tmp_path, FORMATS[name]).is_order_known for name in FORMATS}
-    assert [name for name in FORMATS if not known[name]] == ["TUM", "OpenVINS without its header"]
-    swapped = read(tmp_path, written(f"{{t}} {XYZ} {WXYZ}")).with_w_first()
-    assert swapped.is_order_known
-    assert swapped.attitudes is not None
-    np.testing.assert_allclose(swapped.attitudes, [turned(n) for n in range(6)], atol=1e-12)

@@ -18,9 +18,10 @@ import pytest
 
 from mlscli.errors import InputError, OutputError
 from mlscli.io.writing.npz import is_map, read_map, write_map
+from mlscli.maps.columns import COLUMNS
 from mlscli.maps.free_space import FREE_COLUMNS, FreeSpace
 from mlscli.maps.stored_map import StoredMap
-from mlscli.maps.surface_map import COLUMNS, SurfaceMap
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.scratch import Scratch
 from tests.helpers.lines import free_space_of
 from tests.helpers.maps import random_map
