@@ -190,13 +190,23 @@ def test_a_text_without_a_count_and_a_point_is_no_pts(tmp_path: Path, content: s
     assert open_source(text(tmp_path, content, "cloud.pts")).kind == "text cloud"
 
 
-@pytest.mark.parametrize("content", ["3", "3\n", "3\n1 2", "3\n1 2 x\n", "3\n3\n1 2 3\n"])
+NO_POINT = r"cloud.pts:1: found 1 column \('3'\), expected y"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("3", NO_POINT),
+        ("3\n", NO_POINT),
+        ("3\n1 2", NO_POINT),
+        ("3\n3\n1 2 3\n", NO_POINT),
+        ("3\n1 2 x\n", "cloud.pts:2: found 'x' as z, expected a number"),
+    ],
+)
 def test_where_count_or_first_point_are_none_the_line_is_named(
-    tmp_path: Path, content: str
+    tmp_path: Path, content: str, said: str
 ) -> None:
-    with pytest.raises(
-        InputError, match=r"cloud.pts:1: found 1 column \('3'\), expected y"
-    ) as error:
+    with pytest.raises(InputError, match=said) as error:
         list(open_source(text(tmp_path, content, "cloud.pts")).clouds())
     assert "\n" not in str(error.value)
 
