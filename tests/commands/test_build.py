@@ -294,7 +294,11 @@ BAD_INPUT = {
     ),
     "standard input": (["-"], 1, "standard input is not read"),
     "a trajectory for a cloud": (["tum.txt"], 1, "name the cloud, and this file after --route"),
-    "decimal commas": (["commas.csv"], 1, "commas.csv:2: found '1,5' as x, expected a number with a decimal point"),
+    "decimal commas": (
+        ["commas.csv"],
+        1,
+        "commas.csv:2: found '1,5' as x, expected a number",
+    ),
     "an output in no folder": (["flight.txt", "-o", "no/m.npz"], 1, "no/m.npz: "),
     "a typo in the YAML": (["flight.txt", "-c", "typo.yaml"], 2, "typo.yaml:2:3: "),
     "no such configuration": (["flight.txt", "-c", "nosuch.yaml"], 1, "nosuch.yaml: "),
