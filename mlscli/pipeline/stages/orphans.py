@@ -60,26 +60,18 @@ class Orphans(MapStage):
         half_x = min(half_y, int(cells.ix[-1]) - int(cells.ix[0])) if len(cells.ix) else 0
         vertical = in_units(self.vertical, surface.cell_size)
         low, high, stays = surface.low_end, surface.height, np.empty(surface.size, dtype=np.bool_)
-        half, points = (half_x, half_y), np.zeros(surface.size + 1, dtype=np.int64)
-        np.cumsum(surface.count, out=points[1:])
+        box = half_x, half_y, vertical
 
         def look_around(begin: int, end: int) -> None:
-            _look_around(begin, end, *cells, low, high, *half, vertical, self.min_neighbours, stays)
-            if self.min_share > 0:
-                _weigh(
-                    begin,
-                    end,
-                    *cells,
-                    low,
-                    high,
-                    points,
-                    *half,
-                    vertical,
-                    float(self.min_share),
-                    stays,
-                )
+            _look_around(begin, end, *cells, low, high, *box, self.min_neighbours, stays)
+
+        def weigh(begin: int, end: int) -> None:
+            _weigh(begin, end, *cells, low, high, points, *box, float(self.min_share), stays)
 
         in_ranges(len(cells.ix), look_around, weight=LIGHT)
+        if self.min_share > 0:
+            points = np.concatenate(([0], np.cumsum(surface.count, dtype=np.int64)))
+            in_ranges(len(cells.ix), weigh, weight=LIGHT)
         return surface.take(stays)
 
 
