@@ -64,7 +64,8 @@ def _use(topic: Topic) -> str | None:
 def _map_frame(topic: Topic, tree: TransformTree) -> str:
     """Return the map frame that the clouds of a topic get by default."""
     from mlscli.geometry.transforms import bare
-    from mlscli.io.reading.frames import is_world, world_above
+    from mlscli.io.reading.frames import world_above
+    from mlscli.io.reading.names import is_world
 
     frame = bare(topic.frame)
     if not frame or is_world(frame):

@@ -16,22 +16,11 @@ import numpy as np
 from mlscli.errors import InputError, UsageError
 from mlscli.geometry.poses import Poses, PoseTrack, unit
 from mlscli.geometry.transforms import TransformTree, bare
+from mlscli.io.plausibility.publishers import of_one_body
 from mlscli.io.reading.epochs import Epochs, told
 from mlscli.io.reading.history import History, Moment
+from mlscli.io.reading.names import BODY_FRAMES, WORLD_FRAMES, is_world
 from mlscli.io.source import Source
-from mlscli.keyframes.keyframe import Axes
-
-WORLD_FRAMES = (
-    *("map", "odom", "odom_combined", "world", "earth", "global", "origin", "local_origin"),
-    *("camera_init", "vicon"),
-)
-"""Names of world frames, which stand still, in any namespace."""
-
-BODY_FRAMES = ("base_link", "base_footprint", "base", "body", "base_stabilized", "imu_link")
-"""Usual names of the craft's own frame, the likeliest first."""
-
-LEVEL_FRAMES = ("base_link", "base_footprint", "base", "base_stabilized")
-"""Names of frames whose z points up on a craft that is level, by REP 103 and REP 105 of ROS."""
 
 
 def listed(numbers: Sequence[float] | None) -> str | None:
@@ -145,15 +134,18 @@ def read_track(sources: Sequence[Source], topic: str, gap: float | None = None) 
     # A path tells all that was so far: its last pose is the time of the clock.
     clock = np.array([poses.stamps.max() for poses in messages])
     epochs = Epochs.of({topic: (logged, clock)})
-    tracks = [
-        PoseTrack(
-            np.concatenate([poses.stamps for poses in messages[first:stop]]),
-            np.concatenate([poses.translations for poses in messages[first:stop]]),
-            np.concatenate([poses.quaternions for poses in messages[first:stop]]),
-            gap=gap,
-        )
-        for first, stop, *_ in epochs.runs[topic]
-    ]
+    tracks = []
+    for first, stop, *_ in epochs.runs[topic]:
+        some = messages[first:stop]
+        stamps = np.concatenate([poses.stamps for poses in some])
+        translations = np.concatenate([poses.translations for poses in some])
+        rotations = np.concatenate([poses.quaternions for poses in some])
+        if len(some) == len(stamps):
+            # A path tells again what was, and its last pose of a time counts.
+            of_one_body(stamps, translations, rotations).accepted(
+                lambda found: InputError(f"`pose_topic` {topic}: its poses are {found}")
+            )
+        tracks.append(PoseTrack(stamps, translations, rotations, gap=gap))
     return Track(*frames[0], epochs, tracks)
 
 
@@ -256,19 +248,6 @@ def _within(space: str, frame: str) -> bool:
     return bool(own) and f"{space}/".startswith(f"{own}/")
 
 
-def is_body(frame: str) -> bool:
-    """Return whether a frame has a usual name of the craft's own, in any namespace."""
-    return bare(frame).rpartition("/")[2] in BODY_FRAMES
-
-
-def axes_of(frame: str) -> Axes:
-    """Return whose axes those of a frame are, by its name: REP 103 of ROS."""
-    name = bare(frame).rpartition("/")[2]
-    if "optical" in name:
-        return "camera"
-    return "body" if name in LEVEL_FRAMES else "unknown"
-
-
 def map_frame(
     sources: Sequence[tuple[Source, str]],
     declared: str | None,
@@ -314,11 +293,6 @@ def map_frame(
                 )
             return above
     return "map"
-
-
-def is_world(frame: str) -> bool:
-    """Return whether a frame has the name of a world frame, in any namespace."""
-    return bare(frame).rpartition("/")[2] in WORLD_FRAMES
 
 
 def world_above(tree: TransformTree, frame: str) -> str | None:

@@ -19,6 +19,7 @@ import numpy as np
 from mlscli.geometry.transforms import TransformTree, bare
 from mlscli.io.reading.epochs import Epochs, told
 from mlscli.io.reading.namespaces import choose
+from mlscli.io.reading.rivals import Settled, link_of, settle
 from mlscli.io.source import Source, StampedPoses
 from mlscli.runtime.arrays import Float64
 
@@ -53,10 +54,17 @@ class History:
         What the user should know about how they are taken.
     contradiction : str
         Why it is not known whose transforms are those of the clouds; empty where it is.
+    faults : dict of str to str
+        By frame, why its transforms say nothing: they contradict each other (`rivals`).
     """
 
     def __init__(
-        self, sources: Sequence[Source], gap: float | None = None, *, of_clouds: bool = True
+        self,
+        sources: Sequence[Source],
+        gap: float | None = None,
+        frame: str | None = None,
+        *,
+        of_clouds: bool = True,
     ) -> None:
         """Read the transforms of sources.
 
@@ -65,12 +73,15 @@ class History:
         sources : sequence of Source
         gap : float, optional
             Nothing is interpolated across so many seconds, see `PoseTrack`.
+        frame : str, optional
+            The map frame, if the user names it.
         of_clouds : bool
             Whether to take only those that belong to the topic of the clouds.
         """
         self.notes: list[str] = []
         self.contradiction = ""
-        self._gap = gap
+        self.faults: dict[str, str] = {}
+        self._gap, self._frame = gap, frame
         read = [list(source.transforms()) for source in sources]
         if of_clouds:
             read = [self._own(each, source) for each, source in zip(read, sources, strict=True)]
@@ -81,6 +92,7 @@ class History:
                 "several sources tell of the same frames at the same times; the clouds of each are "
                 "moved by its own transforms"
             )
+        self._others: set[tuple[str, str]] = set()
         self._groups = {
             id(sources[number]): place for place, group in enumerate(groups) for number in group
         }
@@ -89,7 +101,8 @@ class History:
         self.whole = trees[0] if len(trees) == 1 else TransformTree(gap)
         if len(trees) > 1:
             for poses, stays in (each for some in read for each in some):
-                _add(self.whole, poses, stays, -math.inf)
+                if link_of(poses) not in self._others:
+                    _add(self.whole, poses, stays, -math.inf)
 
     def at(self, moment: Moment) -> TransformTree:
         """Return the transforms in force for a cloud; none where it is not known which."""
@@ -108,6 +121,12 @@ class History:
         """Add T_parent_child, which stays at all times, as in `TransformTree`."""
         for tree in dict.fromkeys((self.whole, *self.trees())):
             tree.add_static(parent, child, translation, rotation)
+
+    def _take(self, settled: Settled) -> None:
+        """Note what was chosen among transforms that contradict each other."""
+        self._others |= settled.others
+        self.faults |= settled.faults
+        self.notes += [note for note in settled.notes if note not in self.notes]
 
     def _own(
         self, read: list[tuple[StampedPoses, bool]], source: Source
@@ -156,9 +175,17 @@ class History:
         for key, runs in epochs.runs.items():
             for first, stop, begin, last in runs:
                 place[streams[key][first:stop]] = begin, last
+        links = {link_of(poses) for each in read for poses, _ in each}
+        of_epochs: list[list[StampedPoses]] = [[] for _ in trees]
         for poses, (begin, last) in zip(moving, place.tolist(), strict=True):
-            for tree in trees[begin : last + 1]:
-                _add(tree, poses, False, -math.inf)
+            for some in of_epochs[begin : last + 1]:
+                some.append(poses)
+        for tree, some in zip(trees, of_epochs, strict=True):
+            settled = settle(some, links, self._frame)
+            self._take(settled)
+            for poses in some:
+                if link_of(poses) not in settled.others:
+                    _add(tree, poses, False, -math.inf)
         for child, parents in sorted(
             {k: v for tree in trees for k, v in tree.in_turn().items()}.items()
         ):
@@ -166,7 +193,15 @@ class History:
                 f"{child!r} is told in several frames in turn, {', '.join(map(repr, parents))}; a "
                 "frame has one parent (REP 105), and clouds go by the last before them"
             )
-        self._add_static(trees, epochs, [poses for poses, stays in own if stays], logged, stamps)
+        static = [poses for poses, stays in own if stays]
+        # The stamps of static transforms are often 0; in turn are those that are recorded so.
+        ordered = [
+            poses._replace(stamps=np.full(len(poses.stamps), poses.logged)) for poses in static
+        ]
+        settled = settle(ordered, links, self._frame)
+        self._take(settled)
+        static = [poses for poses in static if link_of(poses) not in settled.others]
+        self._add_static(trees, epochs, static, logged, stamps)
         return epochs, trees
 
     def _add_static(

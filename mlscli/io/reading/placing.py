@@ -21,10 +21,7 @@ from mlscli.io.clouds.trajectory import Trajectory
 from mlscli.io.reading.frames import (
     Mounting,
     Track,
-    axes_of,
     body_of,
-    is_body,
-    is_world,
     leading_frame,
     map_frame,
     mount,
@@ -32,6 +29,7 @@ from mlscli.io.reading.frames import (
     read_track,
 )
 from mlscli.io.reading.history import History, Moment
+from mlscli.io.reading.names import axes_of, is_body, is_world
 from mlscli.io.reading.tally import FRAMELESS, IN_GAP, UNCONNECTED, UNPLACED
 from mlscli.io.source import Cloud, Source
 from mlscli.keyframes.keyframe import Axes
@@ -100,7 +98,7 @@ class Placing:
         UsageError
             An option fits no source.
         """
-        history = History(sources, asked.gap)
+        history = History(sources, asked.gap, None if asked.frame is None else bare(asked.frame))
         tree, notes, track = history.whole, history.notes, None
         if asked.pose_topic is not None:
             track = read_track(sources, asked.pose_topic, asked.gap)
@@ -119,6 +117,9 @@ class Placing:
         for source in sources:
             with _refusing(history.contradiction):
                 placing._check(source)
+        placing.notes += [
+            f"{fault}; where it was is not known" for fault in history.faults.values()
+        ]
         return placing
 
     def place(self, source: Source, cloud: Cloud) -> Cloud | str:
@@ -191,7 +192,7 @@ class Placing:
         try:
             if self._track is not None:
                 return _single(self._in_map(self._track, moment))
-            if body is None or body == self.frame_id:
+            if body is None or body == self.frame_id or self._faults(self.frame_id, body):
                 return None
             return _single(self._lookup(self.frame_id, body, moment))
         except InputError:
@@ -244,13 +245,28 @@ class Placing:
         # Refused now if nothing connects the frames at any time.
         with named(source.label):
             _check_way(self._history, self.frame_id, frame)
+            self._check_faults(self.frame_id, frame)
         return lambda moment: _single(self._lookup(self.frame_id, frame, moment))
+
+    def _check_faults(self, target: str, source: str) -> None:
+        """Raise an error if transforms between two frames contradict each other."""
+        faults = self._faults(target, source)
+        if faults:
+            raise InputError(
+                f"{faults[0]}; which are those of the clouds cannot be told, `pose_topic` moves "
+                "clouds by the poses of a topic"
+            )
+
+    def _faults(self, target: str, source: str) -> list[str]:
+        between = self._history.whole.between(target, source) if self._history.faults else []
+        return [self._history.faults[each] for each in between if each in self._history.faults]
 
     def _way_by_poses(self, track: Track, frame: str) -> Way:
         mounting = self._asked.mounting
         mount = None if mounting is None else mounting.poses
         body = track.child or self._body
         if mount is None and frame and body and {frame, body} <= {*self._history.whole.frames}:
+            self._check_faults(body, frame)
             # Looked up for each stamp, as a sensor may move on the craft.
             return lambda moment: _single(
                 self._in_map(track, moment).chained(self._lookup(body, frame, moment))

@@ -303,7 +303,7 @@ def test_of_several_crafts_that_of_the_clouds_tells_where_it_was(
     assert np.isnan(x) if expected is None else x == expected
 
 
-# Several frames, none, and two parents
+# Several frames, and none
 
 
 def test_a_stray_cloud_in_no_frame_is_left_out(tmp_path: Path) -> None:
@@ -321,16 +321,3 @@ def test_clouds_whose_frame_nothing_leads_from_are_left_out_wherever_they_stand(
 
     assert_near(clouds_of(recording), [moved(matrix(FIRST)), POINTS])
     assert left_out(recording) == {"no transform from their frame": 2}
-
-
-def test_a_frame_that_is_told_in_two_by_turns_is_noted(tmp_path: Path) -> None:
-    told = run(0, 0, range(0, 11, 2)) + run(0, 0, range(1, 11, 2), parent="odom")
-    recording = opened(tmp_path, [*told, *seen(0, 2)], frame="map")
-
-    assert any("'base_link' is told in several frames in turn" in n for n in recording.notes)
-    assert xs(recording) == [2]
-    (tmp_path / "once").mkdir()
-    once = opened(
-        tmp_path / "once", [*run(0, 0, range(6)), *run(0, 0, range(6, 11), "odom"), *seen(0, 2)]
-    )
-    assert not any("in turn" in note for note in once.notes)
