@@ -18,7 +18,7 @@ from mlscli.errors import InputError, expect
 from mlscli.io.reading.recording import Recording, open_recording
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.pipeline.parameters import AUTO, Parameters
+from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.cluster import Cluster
@@ -93,7 +93,7 @@ def build(
     recording = _opened(source)
     reading = Report()
     held: Iterator[Keyframe] | None = None
-    if parameters.map.cell_size == AUTO or parameters.lacks_noise:
+    if parameters.lacks_sizes or parameters.lacks_noise:
         # These come from the whole recording, before the first batch.
         keyframes = deque(read(recording, reading, progress))
         parameters = settled(parameters, keyframes, reading, progress)
@@ -140,13 +140,13 @@ def settled(
         with report.timed("noise"):
             noise = auto_noise(keyframes)
         parameters = parameters.with_noise(told(noise, report))
-    if parameters.map.cell_size == AUTO:
+    if parameters.lacks_sizes:
         total = sum(len(keyframe.points) for keyframe in keyframes)
-        with report.timed("cell size"):
+        with report.timed("sizes"):
             fitted = fit_sizes(
                 keyframes,
                 parameters,
-                progress and (lambda done: progress("cell size", done, total)),
+                progress and (lambda done: progress("sizes", done, total)),
             )
         parameters = fitted.parameters
         report.sizes |= fitted.reasons

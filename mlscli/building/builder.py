@@ -48,7 +48,8 @@ class MapBuilder:
     Parameters
     ----------
     parameters : Parameters
-        With a number for `cell_size`.
+        With a number for `cell_size`. A map that grows cannot know what will come: a `gap_size` of
+        ``auto`` becomes the vehicle's height; `mlscli.fit_sizes` finds one for a recording.
     frame_id : str
         Name of the map frame.
     sources : sequence of str
@@ -111,7 +112,6 @@ class MapBuilder:
         followed = "" if follow is None else "`follow`"
         check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
         expect(cluster, (Cluster, NoneType), "cluster", "a Cluster")
-        self.parameters = parameters
         self.report = Report()
         self._sources = list(sources)
         self._reading = dict(reading or {})
@@ -120,6 +120,7 @@ class MapBuilder:
         self._follow = follow
         self._workers: Workers | None = cluster or (None if jobs is None else Threads(jobs))
         self._pipeline = Pipeline(parameters, frame_id, self.report)
+        self.parameters = self._pipeline.parameters
         self._gatherer = BatchGatherer(
             parameters.batch.min_points, self._pipeline.cell_size, self.report
         )

@@ -21,6 +21,7 @@ from mlscli.building.batching import BatchGatherer
 from mlscli.building.build import emptied, feed
 from mlscli.building.builder import check_workers, free_space, growing_map, map_meta
 from mlscli.building.depth_noise import DepthNoise, told
+from mlscli.building.gap_size import AskedPoints, roughness_within, with_gap_size
 from mlscli.errors import InputError, UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import points_in
@@ -177,7 +178,9 @@ class _LargeMapBuilder:
         self._disk = disk
         self._workers = workers
         self._progress = progress
+        # Points are stored before the gap size and the noise are known.
         self._pipeline = Pipeline(parameters, recording.frame_id, self.report)
+        self._asked = AskedPoints(self._pipeline.cell_size) if parameters.lacks_sizes else None
         self._gatherer = BatchGatherer(
             parameters.batch.min_points, self._pipeline.cell_size, self.report
         )
@@ -202,9 +205,7 @@ class _LargeMapBuilder:
         if self._gatherer.has_waiting:
             self._process_waiting()
         self._put_away()
-        if self._parameters.lacks_noise:
-            self._parameters = self._parameters.with_noise(told(self._noise.value, self.report))
-            self._pipeline = Pipeline(self._parameters, self._pipeline.grid.frame_id, self.report)
+        self._settle()
         pipeline = self._pipeline
         pipeline.route = self._gatherer.route
         parts, free = self._evaluated(pipeline)
@@ -222,6 +223,19 @@ class _LargeMapBuilder:
             self._recording.map_from_recording, self._gatherer.keyframes, kept,
         )  # fmt: skip
         return replace(surface, route=self._gatherer.route.copy(), meta=meta, free=free)
+
+    def _settle(self) -> None:
+        """Find what is ``auto`` from all points, now that they are stored."""
+        parameters, cell_size = self._parameters, self._pipeline.cell_size
+        if parameters.lacks_noise:
+            parameters = parameters.with_noise(told(self._noise.value, self.report))
+        if self._asked is not None:
+            with self.report.timed("sizes"):
+                rough = roughness_within(self._asked, cell_size, self._blocks.around)
+            parameters, why = with_gap_size(parameters, cell_size, rough)
+            self.report.sizes["gap_size"] = why
+        self._pipeline = Pipeline(parameters, self._pipeline.grid.frame_id, self.report)
+        self._parameters = self._pipeline.parameters
 
     def _evaluated(self, pipeline: Pipeline) -> tuple[list[_PatchesByX], FreeSpace | None]:
         """Evaluate all tiles; return their patches on disk, and free space if it is asked for."""
@@ -247,8 +261,12 @@ class _LargeMapBuilder:
     def _put_away(self) -> None:
         """Store the points of all batches on disk."""
         self._held = 0
+        points = self._gatherer.take_points()
+        if self._asked is not None:
+            with self.report.timed("sizes"):
+                self._asked.add(points.xyz)
         with self.report.timed("sorting"):
-            self._blocks.add(self._gatherer.take_points())
+            self._blocks.add(points)
         if self._left < LEAST_BYTES:
             least = self._memory - self._left + LEAST_BYTES
             what = f"the points lie in {self._blocks.entries:,} blocks, which have to be listed"

@@ -9,10 +9,7 @@ and again, from the same place or on another pass, does not shrink it:
   is that of a usual keyframe;
 - where points lie in clusters, far apart beside their width, it is that of the clusters.
 
-What tells levels apart depends on walls. Where walls were sampled, heights as far apart as the
-vehicle is high are one surface, or sparse walls would fall to pieces. In airborne scans, where
-hardly any surface stands upright, there is nothing to hold together, and only what the noise
-spreads is one surface.
+What tells levels apart depends on walls: see `mlscli.building.gap_size`.
 """
 
 from __future__ import annotations
@@ -23,11 +20,11 @@ from types import NoneType
 
 import numpy as np
 
-from mlscli.errors import ConfigError, InputError, expect, expect_items
+from mlscli.building.gap_size import REACH, roughness_of, two_digits, with_gap_size
+from mlscli.errors import InputError, expect, expect_items
 from mlscli.geometry.roughness import Roughness, roughness
 from mlscli.geometry.spacing import NEIGHBOUR, Spacing, of_one_look, spacing, without_clusters
 from mlscli.keyframes.keyframe import Keyframe, require_points
-from mlscli.parameters.lengths import Cells, exceeds, in_units
 from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.runtime.arrays import Array, Float64
 
@@ -37,21 +34,9 @@ _OUTSIDE = 0.01
 _COARSE = 0.1
 # And the scene has too many of them beyond this number.
 _MOST_CELLS = 1e8
-# Surroundings reach so many cells far.
-_REACH = 2
 # Noise that is even over a cell has a standard deviation of 1 / sqrt(12) of it. A little more of it
 # than that leaves nothing of the cell's own.
 _MOST_NOISE = 1.3
-# Where fewer of the surfaces stand upright, no walls were sampled: with noise it is up to 2 % in
-# scenes without any, and hardly anywhere less than 4 % in others. Nothing is concluded from fewer
-# surfaces, or where noise leaves fewer surroundings flat.
-_FEW_UPRIGHT = 0.03
-_FEWEST_SURFACES = 50
-_LEAST_FLAT = 0.2
-# Without walls, heights this far apart are always one surface, as those on a slope are.
-_LEAST_GAP = Cells(0.5)
-# What is this many standard deviations apart is hardly ever the same surface.
-_DEVIATIONS = 3
 
 
 @dataclass(frozen=True)
@@ -80,8 +65,7 @@ def fit_sizes(
 ) -> FittedSizes:
     """Choose the sizes of a map that are ``auto``, by the points that it will be made of.
 
-    Neither the order of the points nor the grid's symmetries change them. Where `cell_size` is a
-    number, `gap_size` is not chosen by the points: ``auto`` is then the vehicle's height.
+    Neither the order of the points nor the grid's symmetries change them.
 
     Parameters
     ----------
@@ -118,18 +102,21 @@ def fit_sizes(
     expect(parameters, Parameters, "parameters", "Parameters")
     expect(progress, (Callable, NoneType), "progress", "a function")
     looks = _looks(clouds)
-    if parameters.map.cell_size != AUTO:
+    if not parameters.lacks_sizes:
         return FittedSizes(parameters, {}, [])
+    if isinstance(size := parameters.map.cell_size, int | float):
+        settled, why = with_gap_size(parameters, size, roughness_of(looks, size))
+        return FittedSizes(settled, {"gap_size": why}, [])
     whole = np.concatenate(looks) if looks else np.empty((0, 3))
     sides = _sides(whole)
     found, why = _distance(whole, looks, progress)
     del whole
-    cell_size = _two_digits(2 * found.distance)
-    rough = roughness(found.cloud, _REACH * cell_size)
+    cell_size = two_digits(2 * found.distance)
+    rough = roughness(found.cloud, REACH * cell_size)
     reasons = {"cell_size": f"auto: twice the usual distance of a point to its fourth {why}"}
     settled = parameters.with_cell_size(cell_size)
     if parameters.map.gap_size == AUTO:
-        settled, reasons["gap_size"] = _with_gap_size(settled, rough)
+        settled, reasons["gap_size"] = with_gap_size(parameters, cell_size, rough)
     return FittedSizes(settled, reasons, list(_doubts(cell_size, rough, sides)))
 
 
@@ -152,7 +139,7 @@ def auto_cell_size(xyz: Float64) -> float:
         Where there are too few distinct points.
     """
     found, _ = _distance(xyz, [xyz], None)
-    return _two_digits(2 * found.distance)
+    return two_digits(2 * found.distance)
 
 
 def _looks(clouds: Array | Iterable[Keyframe]) -> list[Float64]:
@@ -202,40 +189,6 @@ def _sides(points: Float64) -> tuple[float, float]:
     x, y = (np.partition(axis, [outside, last]) for axis in points.T[:2])
     length, width = sorted((float(axis[last] - axis[outside]) for axis in (x, y)), reverse=True)
     return length, width
-
-
-def _two_digits(number: float) -> float:
-    return float(f"{number:.1e}")
-
-
-def _with_gap_size(parameters: Parameters, rough: Roughness) -> tuple[Parameters, str]:
-    """Return the parameters with the gap size that suits, and why, in words.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        With the vehicle's height for `gap_size`.
-    rough : Roughness
-        Of the surfaces.
-    """
-    cell_size = parameters.grid().cell_size
-    height = "auto: the height of the vehicle"
-    if rough.asked * rough.flat < _FEWEST_SURFACES or rough.flat < _LEAST_FLAT:
-        return parameters, f"{height}, as too few points lie on surfaces to tell walls"
-    share = f"{rough.upright:.1%} of the surfaces stand upright"
-    if rough.upright >= _FEW_UPRIGHT:
-        return parameters, f"{height}, as {share}"
-    least, spread = in_units(_LEAST_GAP, cell_size), _two_digits(_DEVIATIONS * rough.noise)
-    gap_size = max(least, spread)
-    if not exceeds(parameters.vehicle.height, gap_size, cell_size):
-        return parameters, f"{height}, though only {share}"
-    try:
-        settled = parameters.with_cell_size(cell_size, gap_size)
-    except ConfigError as error:
-        at_fault = error.faults[0].partition(":")[0]
-        return parameters, f"{height}, which {at_fault} needs, though only {share}"
-    words = "three times the noise" if spread > least else "half a cell"
-    return settled, f"auto: {words}, as only {share}"
 
 
 def _doubts(cell_size: float, rough: Roughness, sides: tuple[float, float]) -> Iterator[str]:

@@ -61,11 +61,13 @@ def report_build(
 
 def _text(account: dict[str, Any], parameters: Parameters) -> str:
     auto = parameters.map.cell_size == "auto"
-    in_cells = not isinstance(parameters.map.gap_size, int | float)
+    gap_varies = parameters.map.gap_size == "auto" or (
+        auto and not isinstance(parameters.map.gap_size, int | float)
+    )
     read, why = account["read"], account["sizes"]
     about = "" if read["all"] else "about "
     cell_size = _number(account["cell_size"], about if auto else "")
-    gap_size = _number(account["gap_size"], about if auto and in_cells else "")
+    gap_size = _number(account["gap_size"], about if gap_varies else "")
     rows = [
         ("clouds", ", ".join(account["clouds"])),
         ("frame", account["frame_id"]),

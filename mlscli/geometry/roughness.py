@@ -7,6 +7,7 @@ they spread along it is the surface's roughness and the noise of the points toge
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +16,10 @@ from mlscli.geometry.spacing import Neighbourhoods
 from mlscli.runtime.arrays import Bool, Float64
 from mlscli.runtime.threads import in_ranges
 
-# So many points are asked, for so many neighbours; of fewer than the last nothing is told.
-_ASKED = 2000
+ASKED = 2000
+"""How many points are asked."""
+
+# For so many neighbours; of fewer than the last nothing is told.
 _MOST, _FEWEST = 64, 8
 # Surroundings are flat where they spread across by less than this share of the shorter side.
 _FLAT = 0.5
@@ -63,20 +66,41 @@ def roughness(cloud: Neighbourhoods, reach: float) -> Roughness:
     reach : float
         How far surroundings extend, in the unit of the recording.
     """
-    rows = cloud.some(_ASKED)
-    parts = in_ranges(
-        len(rows),
-        lambda begin, end: _fitted(*cloud.around(rows[begin:end], _MOST, reach)),
+    return roughness_around([(cloud.points[cloud.some(ASKED)], cloud)], reach)
+
+
+def roughness_around(parts: Iterable[tuple[Float64, Neighbourhoods]], reach: float) -> Roughness:
+    """Return the same of a cloud in parts.
+
+    Parameters
+    ----------
+    parts : iterable of (float64 (N, 3), Neighbourhoods)
+        The points that are asked, and a cloud with all points within `reach` of them.
+    reach : float
+        How far surroundings extend, in the unit of the recording.
+    """
+    found = [each for asked, cloud in parts for each in _of_part(asked, cloud, reach)]
+    if not found:
+        return Roughness(0.0, 0, 0.0, 0.0)
+    thickness, curved, flat, upright = (np.concatenate(each) for each in zip(*found, strict=True))
+    noise = float(np.quantile(thickness, _FLATTEST)) if len(thickness) else 0.0
+    enough, surfaces = (int(np.count_nonzero(each)) for each in (~curved, flat))
+    stand = int(np.count_nonzero(upright))
+    return Roughness(noise, enough, surfaces / max(enough, 1), stand / max(surfaces, 1))
+
+
+_Fitted = tuple[Float64, Bool, Bool, Bool]
+
+
+def _of_part(asked: Float64, cloud: Neighbourhoods, reach: float) -> list[_Fitted]:
+    return in_ranges(
+        len(asked),
+        lambda begin, end: _fitted(*cloud.around(asked[begin:end], _MOST, reach)),
         weight=_MOST,
     )
-    thickness, curved, flat, upright = (np.concatenate(each) for each in zip(*parts, strict=True))
-    noise = float(np.quantile(thickness, _FLATTEST)) if len(thickness) else 0.0
-    asked, surfaces = (int(np.count_nonzero(each)) for each in (~curved, flat))
-    stand = int(np.count_nonzero(upright))
-    return Roughness(noise, asked, surfaces / max(asked, 1), stand / max(surfaces, 1))
 
 
-def _fitted(near: Float64, there: Bool) -> tuple[Float64, Bool, Bool, Bool]:
+def _fitted(near: Float64, there: Bool) -> _Fitted:
     """Return how thick surroundings are, and whether on a curve, a surface, an upright one.
 
     Parameters

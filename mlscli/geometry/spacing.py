@@ -78,16 +78,9 @@ class Neighbourhoods:
             # In the order of the tree, the points of a range lie close together: that halves the
             # time.
             return np.asarray(self._tree.indices)
-        keys = hashed(self._turned())
+        keys = hashed(turned(self.points))
         chosen = keys <= np.partition(keys, size - 1)[size - 1]
         return np.asarray(self._tree.indices[chosen[self._tree.indices]])
-
-    def _turned(self) -> Iterator[Float64]:
-        """Yield coordinates that are the same for points turned by right angles or mirrored."""
-        x, y, z = self.points.T
-        yield np.minimum(np.abs(x), np.abs(y))
-        yield np.maximum(np.abs(x), np.abs(y))
-        yield z + 0.0
 
     def distances(
         self,
@@ -115,8 +108,16 @@ class Neighbourhoods:
 
         return np.concatenate(in_ranges(len(rows), query, progress))
 
-    def around(self, rows: Int64, most: int, reach: float) -> tuple[Float64, Array]:
-        """Return the points around points, at most so many and so far, and which there are.
+    def around(self, places: Float64, most: int, reach: float) -> tuple[Float64, Array]:
+        """Return the points around some of them, at most so many and so far, and which there are.
+
+        Parameters
+        ----------
+        places : float64 (N, 3)
+            Where these are.
+        most : int
+        reach : float
+            In the unit of the recording.
 
         Returns
         -------
@@ -125,10 +126,18 @@ class Neighbourhoods:
         there : bool (N, most)
         """
         distances, near = self._tree.query(
-            self.points[rows], k=np.arange(1, most + 1), distance_upper_bound=reach
+            places, k=np.arange(1, most + 1), distance_upper_bound=reach
         )
         there = np.isfinite(distances)
         return np.where(there[..., None], self.points[np.where(there, near, 0)], 0.0), there
+
+
+def turned(points: Float64) -> Iterator[Float64]:
+    """Yield coordinates that are the same for points turned by right angles about z or mirrored."""
+    x, y, z = points.T
+    yield np.minimum(np.abs(x), np.abs(y))
+    yield np.maximum(np.abs(x), np.abs(y))
+    yield z + 0.0
 
 
 def distinct(points: Float64) -> Float64:

@@ -53,7 +53,7 @@ class MapParameters:
     gap_size: Length | Literal["auto"] | None = parameter(
         "auto",
         "heights farther apart are two patches; null: the vehicle's height; auto: this, or less "
-        "where cell_size is auto and the points lie on hardly any walls",
+        "where the recording's points lie on hardly any walls",
         low=0,
         default_from="vehicle.height",
     )
@@ -100,7 +100,7 @@ class Parameters:
     """All that a map depends on besides its points.
 
     A field that is None takes the value of the parameter that its `default_from` names, as soon as
-    it is known; one that is ``auto`` does so beside a `cell_size` that is a number.
+    it is known. What is ``auto`` is chosen by the points of a recording, see `mlscli.fit_sizes`.
 
     Attributes
     ----------
@@ -142,16 +142,12 @@ class Parameters:
         """
         given = part = _as_given(part)
         for item in fields_of(type(part)).values():
-            if item.default_from is not None and self._is_left_out(getattr(part, item.name)):
+            if item.default_from is not None and getattr(part, item.name) is None:
                 followed = self.value(item.default_from, part)
                 part = replace(part, **{item.name: item.following(followed, self._cell_size)})
         if part is not given:
             object.__setattr__(part, _GIVEN, given)
         return part
-
-    def _is_left_out(self, value: object) -> bool:
-        """Return whether a parameter takes its value from another: nothing else decides it."""
-        return value is None or (value == AUTO and self._cell_size is not None)
 
     def value(self, path: str, part: object) -> Any:
         """Return the value of a parameter: of a section by its full name, or else of `part`."""
@@ -167,18 +163,25 @@ class Parameters:
     def grid(self, frame_id: str = "map") -> Grid:
         """Return the grid of the map, all of it in the unit of the recording.
 
+        A `gap_size` of ``auto`` counts as the vehicle's height, the most that it becomes.
+
         Raises
         ------
         UsageError
             Where `cell_size` is ``auto``.
         """
-        size, gap_size = self._cell_size, self.map.gap_size
-        if size is None or gap_size is None or isinstance(gap_size, str):
+        size, gap_size = self._cell_size, _greatest_gap_size(self)
+        if size is None or gap_size is None:
             raise UsageError(
                 "map.cell_size: a growing map needs a number, not auto; "
                 "see Parameters.with_cell_size"
             )
         return Grid(size, in_units(gap_size, size), in_units(self.map.thickness, size), frame_id)
+
+    @property
+    def lacks_sizes(self) -> bool:
+        """Whether the points of a recording choose the size of a cell, or of a gap."""
+        return self._cell_size is None or self.map.gap_size == AUTO
 
     def with_cell_size(self, cell_size: float, gap_size: float | None = None) -> Parameters:
         """Return the same parameters with this `cell_size`, checked.
@@ -197,9 +200,24 @@ class Parameters:
             units and in cells can be compared.
         """
         grid = replace(_as_given(self.map), cell_size=cell_size)
-        if gap_size is not None and grid.gap_size == AUTO:
-            grid = replace(grid, gap_size=gap_size)
-        settled = replace(self, map=grid)
+        return replace(self, map=grid).with_gap_size(gap_size)
+
+    def with_gap_size(self, gap_size: float | None = None) -> Parameters:
+        """Return the same parameters with a number for a `gap_size` of ``auto``, checked.
+
+        Parameters
+        ----------
+        gap_size : float, optional
+            In the unit of the recording; by default the vehicle's height.
+
+        Raises
+        ------
+        ConfigError
+            As for `with_cell_size`.
+        """
+        settled = self
+        if self.map.gap_size == AUTO:
+            settled = replace(self, map=replace(_as_given(self.map), gap_size=gap_size))
         settled.check()
         return settled
 

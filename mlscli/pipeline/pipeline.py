@@ -34,7 +34,7 @@ class Pipeline:
     Parameters
     ----------
     parameters : Parameters
-        With a number for `cell_size`.
+        With a number for `cell_size`; a `gap_size` of ``auto`` becomes the vehicle's height.
     frame_id : str
         Name of the map frame.
     report : Report
@@ -67,7 +67,7 @@ class Pipeline:
     """
 
     def __init__(self, parameters: Parameters, frame_id: str, report: Report) -> None:
-        parameters.check()
+        parameters = parameters.with_gap_size()
         self.grid = parameters.grid(frame_id)
         self.parameters = parameters
         self.cell_size = cell_size = self.grid.cell_size

@@ -197,11 +197,14 @@ def _reservations(recording: Recording, glance: Glance) -> Iterator[str]:
 
 
 def _lengths(parameters: Parameters) -> dict[str, float | None]:
-    """Return the lengths of the map in the unit of the recording; None where cells are auto."""
+    """Return the lengths of the map in the unit of the recording; None where auto leaves them."""
     if parameters.map.cell_size == AUTO:
         return dict.fromkeys(LENGTHS)
     grid = parameters.grid()
-    return {name: getattr(grid, name) for name in LENGTHS}
+    return {
+        name: None if getattr(parameters.map, name) == AUTO else getattr(grid, name)
+        for name in LENGTHS
+    }
 
 
 class _Trial:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import mlscli
-from mlscli.building import large
+from mlscli.building import gap_size, large
 from mlscli.building.build import build
 from mlscli.building.large import build_large
 from mlscli.errors import InputError, OutputError, UsageError
@@ -66,6 +66,27 @@ def test_a_map_made_on_disk_is_the_file_of_the_map_made_in_memory(
     assert description == describe(expected.surface)
     assert made.report.dropped == expected.report.dropped
     assert list(scratch.iterdir()) == []
+
+
+def test_the_gap_is_found_on_disk_as_in_memory(
+    little: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Surroundings of a few points at a time, over many blocks.
+    monkeypatch.setattr(gap_size, "_TOGETHER", 7)
+    rng = np.random.default_rng(1)
+    deck = rng.uniform((0, 8, 0.9), (20, 12, 1), (800, 3))
+    ground = np.concatenate([rng.uniform((0, 0, 0), (20, 20, 0.1), (4000, 3)), deck])
+    wall = rng.uniform((0, 0, 0), (20, 0.05, 5), (1500, 3))
+    for number, cloud in enumerate((ground, np.concatenate([ground, wall]))):
+        write_bag(tmp_path / f"{number}.bag", [Sent(part) for part in np.array_split(cloud, 9)])
+        recording = open_recording(tmp_path / f"{number}.bag")
+        expected = build(recording, parameters()).surface
+        assert expected.gap_size == (1.5 if number else 0.25)
+        with build_large(recording, parameters(), little) as made:
+            write_map(tmp_path / f"{number}.npz", made.surface)
+        large_map = read_map(tmp_path / f"{number}.npz")
+        assert large_map == expected
+        assert large_map.meta == expected.meta
 
 
 def test_what_memory_cannot_do_is_refused_with_what_it_takes(little: int) -> None:

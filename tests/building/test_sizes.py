@@ -17,9 +17,12 @@ from hypothesis import strategies as st
 
 import mlscli
 from mlscli.building.build import build
+from mlscli.building.gap_size import AskedPoints
 from mlscli.building.sizes import FittedSizes, auto_cell_size, fit_sizes
 from mlscli.config import loads
 from mlscli.errors import InputError, UsageError
+from mlscli.geometry.roughness import ASKED
+from mlscli.geometry.spacing import Neighbourhoods
 from mlscli.keyframes.batches import Points
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.parameters.lengths import Cells
@@ -180,8 +183,10 @@ def test_sizes_that_are_given_stay() -> None:
     assert own.reasons.keys() == {"cell_size"}
     null = fit_sizes(cloud, Parameters(map=MapParameters(gap_size=None)))
     assert gap_in_cells(null) == pytest.approx(3)
+    both = Parameters(map=MapParameters(cell_size=0.5, gap_size=None))
+    assert fit_sizes(cloud, both) == FittedSizes(both, {}, [])
     cells = Parameters(map=MapParameters(cell_size=0.5))
-    assert fit_sizes(cloud, cells) == FittedSizes(cells, {}, [])
+    assert fit_sizes(cloud, cells).parameters.map.cell_size == 0.5
     assert cells.grid().gap_size == 1.5
     assert cells.with_cell_size(0.5, 0.1).grid().gap_size == 0.1
     fixed = Parameters(map=MapParameters(gap_size=Cells(2)))
@@ -196,9 +201,56 @@ def test_what_was_set_beside_it_contradicts_no_gap_that_was_found() -> None:
     assert "which pyramids.max_height needs" in sizes.reasons["gap_size"]
 
 
-def test_a_map_that_grows_needs_sizes() -> None:
+@pytest.mark.parametrize("cell_size", [0.15, 0.3, 1.2])
+def test_a_gap_is_found_for_cells_of_any_size(cell_size: float) -> None:
+    rng = np.random.default_rng(5)
+    ground = np.concatenate([floor(rng, 3000), floor(rng, 400) * (1, 0.2, 1) + (0, 4, 0.3)])
+    given = Parameters(map=MapParameters(cell_size=cell_size))
+    open_, walled = (fit_sizes(each, given) for each in (ground, np.r_[ground, walls(rng, 1500)]))
+    assert gap_in_cells(open_) == pytest.approx(0.5)
+    assert open_.reasons.keys() == walled.reasons.keys() == {"gap_size"}
+    assert gap_in_cells(walled) == pytest.approx(3)
+    assert "the height of the vehicle, as" in walled.reasons["gap_size"]
+
+
+def test_with_the_cells_that_it_would_find_a_given_size_makes_the_same_map() -> None:
+    cloud = floor(np.random.default_rng(15), 3000)
+    found = fit_sizes(cloud)
+    given = Parameters(map=MapParameters(cell_size=float(found.parameters.map.cell_size)))
+    assert fit_sizes(cloud, given).parameters == found.parameters
+    assert build(cloud, given).surface == build(cloud).surface
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds)
+def test_points_that_are_asked_do_not_depend_on_how_they_come(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    # More than are asked, some of them twice, and some that lie alike about the origin.
+    cloud = np.round(rng.uniform(-3, 3, (9000, 3)), 2) + 0.0
+    cloud = np.concatenate([cloud, cloud[:500], cloud[:50] * (-1, 1, 1) + 0.0])
+    expected = Neighbourhoods(cloud)
+    asked = AskedPoints(0.3)
+    for part in np.array_split(rng.permutation(cloud), rng.integers(1, 9)):
+        asked.add(part)
+    rows = expected.points[expected.some(ASKED)]
+    assert set(map(tuple, asked.points.tolist())) == set(map(tuple, rows.tolist()))
+    assert len(asked.points) == len(rows)
+
+
+def test_what_lies_in_no_cell_tells_nothing_of_gaps() -> None:
+    cloud = floor(np.random.default_rng(16), 3000)
+    beyond = np.array([[1e12, 0, 0], [0, 0, 1e9], [np.nan, 0, 0], [0, 0, np.inf]])
+    given = Parameters(map=MapParameters(cell_size=0.3))
+    looks = [Keyframe(np.concatenate([cloud, beyond]))]
+    assert fit_sizes(looks, given) == fit_sizes(cloud, given)
+
+
+def test_a_map_that_grows_needs_a_cell_size_and_takes_the_vehicle_for_the_gap() -> None:
     with pytest.raises(UsageError, match=r"map\.cell_size: a growing map needs a number"):
         mlscli.MapBuilder(Parameters())
+    growing = mlscli.MapBuilder(loads("map: {cell_size: 0.2}\nvehicle: {height: 0.7}"))
+    assert growing.parameters.map.gap_size == 0.7
+    assert growing.finish().meta["parameters"]["map"]["gap_size"] == 0.7
     assert mlscli.MapBuilder(Parameters().with_cell_size(0.2)).parameters.grid().gap_size == (
         pytest.approx(0.6)
     )
@@ -271,6 +323,6 @@ def test_a_map_says_why_its_sizes_were_chosen_and_doubts_are_notices() -> None:
     assert surface.meta["sizes"] == fit_sizes(cloud).reasons
     assert surface.meta["parameters"]["map"]["cell_size"] == surface.cell_size
     assert heard == doubts(cloud)
-    given_size = build(cloud, loads("map: {cell_size: 0.5}\npipeline: []")).surface
-    assert given_size.meta["sizes"] == {}
+    sizes = "map: {cell_size: 0.5, gap_size: null}\npipeline: []"
+    assert build(cloud, loads(sizes)).surface.meta["sizes"] == {}
     assert len(heard) == 1

@@ -32,6 +32,13 @@ def test_it_says_what_the_build_then_does_and_writes_nothing(tmp_path: Path) -> 
         assert told[key] == done[key], key
     assert told["patches"] == done["patches"]["total"]
     assert told["points"] == done["points"]["read"]
+    given = (*arguments, "--set", "map.cell_size=0.3", "-o", "given.npz")
+    told_of_gap, done_with_gap = (
+        json.loads(mls(*given, *more, cwd=tmp_path).stdout) for more in (("--dry-run",), ())
+    )
+    assert told_of_gap["sizes"] == done_with_gap["sizes"]
+    assert told_of_gap["gap_size"] == done_with_gap["gap_size"]
+    assert list(told_of_gap["sizes"]) == ["gap_size"]
     assert told["read"]["dropped"] == done["points"]["dropped"]
 
 
@@ -46,6 +53,7 @@ def test_what_is_extrapolated_is_about(tmp_path: Path) -> None:
     assert rows_told["points"].strip().startswith("about 300,000")
     assert rows_told["patches"].strip().startswith("about ")
     assert rows_told["cell size"].strip() == "0.5"
+    assert rows_told["gap size"].strip().startswith("about 0.25 (auto: half a cell, as only")
     assert rows_told["judged by"].startswith("the first ")
 
 

@@ -121,7 +121,8 @@ def test_the_configuration_of_the_contract_reads_as_it_says() -> None:
 
 
 def test_what_is_left_out_follows_the_parameter_that_it_comes_from() -> None:
-    parameters = loads("vehicle: {width: 0.3, height: 2 cells}\nmap: {cell_size: 1}")
+    text = "vehicle: {width: 0.3, height: 2 cells}\nmap: {cell_size: 1, gap_size: null}"
+    parameters = loads(text)
     assert parameters.map.gap_size == Cells(2)
     widths = [s.max_gap for s in parameters.pipeline if isinstance(s, Walls | Plaster)]
     assert widths == [0.3, 0.3]

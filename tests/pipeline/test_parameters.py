@@ -92,7 +92,7 @@ def test_a_craft_of_any_size_needs_no_other_parameter(preset: str | None) -> Non
         width, height = SIZES[place], SIZES[place - 4]
         sets = [f"vehicle.width={width}", f"vehicle.height={height}"]
         settled = load(preset, sets).with_cell_size(cell_size)
-        assert load(preset, [*sets, f"map.cell_size={cell_size}"]) == settled
+        assert load(preset, [*sets, f"map.cell_size={cell_size}"]).with_gap_size() == settled
         vehicle = Vehicle(width, height)
         assert replace(load(preset), vehicle=vehicle).with_cell_size(cell_size) == settled
         if preset is None:

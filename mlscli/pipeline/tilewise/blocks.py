@@ -11,7 +11,7 @@ from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, Limits, pack, unpack
 from mlscli.maps.patches import runs
 from mlscli.pipeline.stages.ordering import cells_of
-from mlscli.runtime.arrays import Array, Int32, Int64, UInt64
+from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt64
 
 # A block is 2**4 cells wide: a fraction of the margin that the default pipeline needs.
 BLOCK_BITS = 4
@@ -110,17 +110,31 @@ class PointBlocks:
         np.add.at(points, places, sizes)
         return Occupied(*unpack(blocks), points)
 
+    def around(self, cells: UInt64) -> Iterator[Float64]:
+        """Yield where points lie, float64 (N, 3): all those in some cells, and others nearby.
+
+        Parameters
+        ----------
+        cells : uint64 (C,)
+            Packed keys of the cells.
+        """
+        ix, iy = unpack(cells)
+        blocks = np.unique(pack(ix >> self.shift, iy >> self.shift))
+        for run in self._runs:
+            for part in _slices(run, 0, np.isin(run.blocks, blocks, assume_unique=True)):
+                yield np.ascontiguousarray(part["xyz"])
+
     def extract(self, limits: Limits) -> Points:
         """Return the points in the cells within limits."""
         blocks = Limits(*(None if end is None else end >> self.shift for end in limits))
-        parts = [part for run in self._runs for part in _slices(run, blocks)]
+        parts = [part for run in self._runs for part in _slices_within(run, blocks)]
         records = np.concatenate([np.empty(0, POINT), *parts])
         points = Points._make(np.ascontiguousarray(records[name]) for name in Points._fields)
         return points.take(limits.contain(*cells_of(points.xyz, self._cell_size)))
 
 
-def _slices(run: SortedPoints, limits: Limits) -> Iterator[Array]:
-    """Yield the points of the blocks within limits, one slice for successive blocks."""
+def _slices_within(run: SortedPoints, limits: Limits) -> Iterator[Array]:
+    """Yield the points of the blocks within limits."""
     least = LEAST_INDEX if limits.min_x is None else max(limits.min_x, LEAST_INDEX)
     greatest = GREATEST_INDEX if limits.max_x is None else min(limits.max_x, GREATEST_INDEX)
     low, high = pack(np.array([least, greatest]), np.array([LEAST_INDEX, GREATEST_INDEX]))
@@ -128,7 +142,11 @@ def _slices(run: SortedPoints, limits: Limits) -> Iterator[Array]:
         int(np.searchsorted(run.blocks, low)),
         int(np.searchsorted(run.blocks, high, side="right")),
     )
-    inside = limits.contain(*unpack(run.blocks[first:last]))
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(np.int8)))
+    return _slices(run, first, limits.contain(*unpack(run.blocks[first:last])))
+
+
+def _slices(run: SortedPoints, first: int, wanted: Bool) -> Iterator[Array]:
+    """Yield the points of the blocks from `first` on that are wanted, one slice for successive."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], wanted, [False])).astype(np.int8)))
     for begin, end in (edges + first).reshape(-1, 2):
         yield run.points[int(run.start[begin]) : int(run.start[end])]
