@@ -22,7 +22,7 @@ ROOT = Path(mlscli.__file__).parent
 
 # From the ground up. A room is a folder; of the package's own folder each module is one.
 FLOORS = (
-    ("errors", "version"),
+    ("errors", "version", "words"),
     ("parameters", "runtime"),
     ("keyframes", "maps"),
     ("geometry", "io", "io.plausibility", "mesh", "pipeline.stages"),

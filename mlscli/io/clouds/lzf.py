@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.runtime.arrays import UInt8
+from mlscli.runtime.arrays import Array, Int64, UInt8
 from mlscli.runtime.kernels import kernel
 
 _MOST_PER_BYTE = 88
@@ -23,12 +23,21 @@ def decompress(data: UInt8, size: int) -> tuple[UInt8, int]:
     first byte, or its last step reaches beyond `size`.
     """
     out = np.empty(min(size, _MOST_PER_BYTE * len(data)), dtype=np.uint8)
-    written, read = _decompress(np.ascontiguousarray(data), out)
+    data = np.ascontiguousarray(data)
+    written, read = _decompress(data, data, out)
     return out[:written], read
 
 
+def origins(data: UInt8, size: int) -> Int64:
+    """Return for each of the bytes that `decompress` returns the offset in the data it is from."""
+    out = np.empty(size, dtype=np.int64)
+    written, _ = _decompress(np.ascontiguousarray(data), np.arange(len(data)), out)
+    return out[:written]
+
+
 @kernel
-def _decompress(data: UInt8, out: UInt8) -> tuple[int, int]:
+def _decompress(data: UInt8, values: Array, out: Array) -> tuple[int, int]:
+    """Decompress `data`, taking from `values` what stands there; see `decompress`."""
     read = written = 0
     while read < len(data) and written < len(out):
         step = read
@@ -39,7 +48,7 @@ def _decompress(data: UInt8, out: UInt8) -> tuple[int, int]:
                 return written, step
             length = min(control + 1, len(data) - read)
             for k in range(length):
-                out[written + k] = data[read + k]
+                out[written + k] = values[read + k]
             read += length
         else:
             length = control >> 5

@@ -19,11 +19,9 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import NamedTuple
 
-import numpy as np
-
 from mlscli.errors import InputError
-from mlscli.io.clouds.lzf import decompress
 from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
+from mlscli.io.clouds.pcdcompressed import Packed, unpack
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
@@ -44,12 +42,8 @@ class PcdCloud(PointFile):
     def _read(self) -> Content:
         header = self._header()
         wanted = self._wanted(header)
-        if header.data == "ascii":
-            columns, notes, losses = self._rows(header, wanted)
-        else:
-            read = self._records if header.data == "binary" else self._compressed
-            columns, fault = read(header, wanted)
-            columns, notes, losses = counted(self.path, columns, header.points, fault)
+        read = {"ascii": self._rows, "binary": self._records}.get(header.data, self._compressed)
+        columns, notes, losses = read(header, wanted)
         points = side_by_side(columns[:3])
         clouds = by_keyframe(points, columns[3] if len(columns) > 3 else None, header.position)
         return Content(clouds, [*header.notes, *notes], losses)
@@ -160,55 +154,33 @@ class PcdCloud(PointFile):
             beyond = rows.read(ALL, pick, starts[-1], last=True)
         return put_together(self.path, declared, beyond, header.points, len(wanted))
 
-    def _records(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
-        """Return the wanted columns of all binary records, and no fault."""
+    def _records(
+        self, header: _Header, wanted: Sequence[int]
+    ) -> tuple[list[Array], list[str], list[str]]:
+        """Return the wanted columns of binary records, notes and losses."""
         fields = [
             Member(field.name, field.dtype if place in wanted else f"V{field.size * field.count}")
             for place, field in enumerate(header.fields)
         ]
         data = mapped(self.path)[header.size :]
-        return read_structures(data, fields, None, wanted).columns, ""
+        columns = read_structures(data, fields, None, wanted).columns
+        return counted(self.path, columns, header.points)
 
-    def _compressed(self, header: _Header, wanted: Sequence[int]) -> tuple[list[Array], str]:
-        """Return the wanted columns of compressed points, and what is wrong with these.
-
-        Raises
-        ------
-        InputError
-            They have another size than points have, or contradict themselves. Where is not known,
-            and after the first wrong byte every point is another one.
-        """
+    def _compressed(
+        self, header: _Header, wanted: Sequence[int]
+    ) -> tuple[list[Array], list[str], list[str]]:
+        """Return the wanted columns of compressed points that are not damaged, notes and losses."""
+        fields = [
+            Packed(field.size * field.count, "<" + field.dtype if place in wanted else "")
+            for place, field in enumerate(header.fields)
+        ]
         data = mapped(self.path)[header.size :]
-        # Sizes in bytes, compressed and plain; bytes beyond the end of the file are 0.
-        lengths = np.zeros(2, dtype="<u4")
-        lengths.view(np.uint8)[: len(data[:8])] = data[:8]
-        compressed, size = lengths.tolist()
-        each = sum(field.size * field.count for field in header.fields)
-        points = size // each if len(data) >= 8 and each and not size % each else header.points
-        if len(data) >= 8 and (size != each * points or points < header.points):
-            raise InputError(
-                f"{self.path}: found {size:,} bytes of compressed points, expected "
-                f"{each * header.points:,} for {header.points:,} points"
-            )
-        starts = list(
-            accumulate((field.size * field.count * points for field in header.fields), initial=0)
-        )
-        packed = data[8 : 8 + compressed]
-        plain, used = decompress(packed, size)
-        if len(data) >= 8 + compressed and (len(plain) < size or used < compressed):
-            raise InputError(
-                f"{self.path}: the compressed points are damaged: {used:,} of {compressed:,} bytes "
-                f"yield {len(plain):,} of {size:,}, so that no point can be trusted"
-            )
-        columns = [plain[starts[place] : starts[place + 1]] for place in wanted]
-        whole = min(
-            len(column) // header.fields[place].size
-            for place, column in zip(wanted, columns, strict=True)
-        )
-        return [
-            column[: whole * header.fields[place].size].view("<" + header.fields[place].dtype)
-            for place, column in zip(wanted, columns, strict=True)
-        ], ""
+        columns, kept, damage = unpack(self.path, data, fields, wanted, header.points)
+        columns, notes, losses = counted(self.path, columns, header.points)
+        if damage:
+            kept = kept[: len(columns[0])]
+            columns = [column[kept] for column in columns]
+        return columns, notes, losses + damage
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ repetitions at random; real files are compared with open3d; files are cut at man
 
 from __future__ import annotations
 
-import random
 import struct
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from mlscli.io.clouds.pcd import PcdCloud
 from mlscli.runtime.arrays import Array
 from tests.helpers.damage import cut, flipped, read_damaged
 from tests.helpers.meshes import open3d
+from tests.helpers.pcds import compressed, packed, pcd
 
 REAL = [
     "hard/pcd_multi_count.pcd",
@@ -41,58 +41,6 @@ UNKNOWN = str((float("nan"),) * 3)
 def read(path: Path) -> tuple[list[Any], list[str]]:
     source = PcdCloud(path)
     return [cloud.points.tolist() for cloud in source.clouds()], list(source.losses)
-
-
-def pcd(data: str, body: bytes, **entries: object) -> bytes:
-    """Return a file of floats x y z, but for the entries given; None leaves one out."""
-    usual = {
-        "VERSION": "0.7", "FIELDS": "x y z", "SIZE": "4 4 4", "TYPE": "F F F", "COUNT": "1 1 1",
-        "WIDTH": 2, "HEIGHT": 1, "VIEWPOINT": "0 0 0 1 0 0 0", "POINTS": 2,
-    }  # fmt: skip
-    lines = [f"{key} {value}" for key, value in (usual | entries).items() if value is not None]
-    return "\n".join(["# .PCD v0.7", *lines, f"DATA {data}", ""]).encode() + body
-
-
-def compressed(plain: bytes, seed: int = 0) -> bytes:
-    """Compress as LZF: literal runs, and repetitions wherever they are found."""
-    dice, at, literal, out = random.Random(seed), 0, bytearray(), bytearray()
-
-    def flush() -> None:
-        for begin in range(0, len(literal), 32):
-            run = literal[begin : begin + 32]
-            out.extend([len(run) - 1, *run])
-        literal.clear()
-
-    while at < len(plain):
-        start = plain.rfind(plain[at : at + 3], max(0, at - 8192), at + 2)
-        if 0 <= start < at and at + 3 <= len(plain) and dice.random() < 0.9:
-            length = 3
-            most = dice.choice([3, 5, 8, 9, 100, 264])
-            while (
-                length < most
-                and plain[start + length : start + length + 1]
-                == plain[at + length : at + length + 1]
-                != b""
-            ):
-                length += 1
-            flush()
-            back, coded = at - start - 1, length - 2
-            if coded < 7:
-                out.extend([coded << 5 | back >> 8, back & 255])
-            else:
-                out.extend([7 << 5 | back >> 8, coded - 7, back & 255])
-            at += length
-        else:
-            literal.append(plain[at])
-            at += 1
-    flush()
-    return bytes(out)
-
-
-def packed(columns: list[Array], seed: int = 0) -> bytes:
-    plain = b"".join(column.tobytes() for column in columns)
-    body = compressed(plain, seed)
-    return struct.pack("<II", len(body), len(plain)) + body
 
 
 def body_of(data: str, columns: list[Array]) -> bytes:
