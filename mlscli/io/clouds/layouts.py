@@ -21,9 +21,6 @@ from mlscli.runtime.arrays import Float64
 
 # Coordinates are below it, and time stamps mostly above.
 _LEAST_STAMP = 1e8
-SECONDS_BELOW = 1e11
-"""Time stamps from here on are no seconds."""
-
 _LEAST_ROWS = 5
 _PADDED = re.compile(r"[+-]?0[0-9]+")
 _WHOLE = re.compile(r"[+-]?[0-9]+")
@@ -127,8 +124,7 @@ def _doubt(path: Path, opening: Opening) -> list[str]:
         return []
     first, grows = leading[:, 0], bool((np.diff(leading[:, 0]) > 0).all())
     if grows and (first >= _LEAST_STAMP).all():
-        columns = "t,x,y,z" if first[0] < SECONDS_BELOW else "-,x,y,z"
-        _refuse(path, opening, f"times ({first[0]:.10g})", columns)
+        _refuse(path, opening, f"times ({first[0]:.10g})", "t,x,y,z")
     steps = np.diff(first)
     is_index = bool((steps == 1).all()) and first[0] in (0, 1)
     whole = (leading == np.floor(leading)).all(axis=0).tolist()

@@ -29,6 +29,7 @@ from mlscli.io.clouds.opening import read_opening
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.posecolumns import are_poses_of_a_craft
 from mlscli.io.clouds.rows import LONGEST_ROW, BrokenRowError, Rows, blocks, parse, short
+from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.io.source import Cloud, rows_by_first_appearance
 from mlscli.runtime.arrays import Array, Float64, Int64
 
@@ -58,13 +59,16 @@ class TextCloud(PointFile):
         """Return a cloud for each keyframe, with the time and pose in its first row."""
         table = _Parser(self.path, self._columns).parse()
         xyz = table.columns("x", "y", "z")
-        stamps = table.column("t")
+        found = in_seconds(table.column("t"))
+        stamps = found.accepted(InputError)
+        notes = [*table.notes, *([f"{self.path}: {found.note}"] if found.note else [])]
         keyframes = rows_by_first_appearance(table.labels)
-        first = table.at(np.array([rows[0] for rows in keyframes], dtype=np.int64))
+        each = np.array([rows[0] for rows in keyframes], dtype=np.int64)
+        first = table.at(each)
         clouds = []
         for rows, stamp, position, attitude in zip(
             keyframes,
-            first.column("t").tolist(),
+            stamps[each].tolist(),
             first.columns(*CENTRE).tolist(),
             first.columns(*ATTITUDE).tolist(),
             strict=True,
@@ -72,7 +76,7 @@ class TextCloud(PointFile):
             x, y, z = position
             qx, qy, qz, qw = attitude
             clouds.append(Cloud(xyz[rows], stamp, (x, y, z), attitude=(qx, qy, qz, qw)))
-        return Content(clouds, table.notes, table.losses, stamps)
+        return Content(clouds, notes, table.losses, stamps)
 
 
 @dataclass(frozen=True, eq=False)

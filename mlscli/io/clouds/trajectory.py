@@ -1,8 +1,7 @@
 """Trajectories: the poses of a craft, in the formats that `posecolumns.py` lists, or as a PCD.
 
-Separators and comments are as in a text cloud. Time stamps are seconds; where they reach 1e11
-(3,000 years, or 100 seconds in nanoseconds) they are nanoseconds, as in the files of ORB-SLAM3, or
-microseconds or milliseconds, where these make them a date of our time or fewer than 10 kHz.
+Separators and comments are as in a text cloud. Time stamps are in seconds, or in any unit that
+`mlscli.io.plausibility.clocks` tells from them, as the nanoseconds of ORB-SLAM3's files.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import numpy as np
 from mlscli.errors import InputError
 from mlscli.geometry.poses import PoseTrack, are_poses, identity, in_order, unit
 from mlscli.io.clouds.dialect import Dialect, open_text
-from mlscli.io.clouds.layouts import SECONDS_BELOW
 from mlscli.io.clouds.opening import Opening, read_opening
 from mlscli.io.clouds.posecolumns import (
     GRAPH,
@@ -31,14 +29,10 @@ from mlscli.io.clouds.posecolumns import (
     by_position,
 )
 from mlscli.io.clouds.rows import BrokenRowError, blocks, parse, short
+from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.runtime.arrays import Float64
 
 _LARGEST_FILE = 1 << 30
-# Stamps to the second, and the least time between poses, in seconds; and the years 2008 to 2096,
-# in seconds since 1970.
-_UNITS = (("nanoseconds", 1e9), ("microseconds", 1e6), ("milliseconds", 1e3))
-_LEAST_PERIOD = 1e-4
-_THESE_YEARS = (1.2e9, 4e9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,10 +212,10 @@ def _trajectory(
         )
     if not is_timed:
         notes.append(f"{path}: its poses have no times; it is the route, but places no cloud")
-    elif np.abs(stamps[known]).max() >= SECONDS_BELOW:
-        unit_name, per_second = _unit_of(stamps[known])
-        stamps = stamps / per_second
-        notes.append(f"{path}: the time stamps are taken as {unit_name}")
+    else:
+        found = in_seconds(stamps[known])
+        stamps[known] = found.accepted(InputError)
+        notes += [f"{path}: {found.note}"] if found.note else []
     order = in_order(stamps, known)
     return Trajectory(
         path,
@@ -231,13 +225,3 @@ def _trajectory(
         tuple(notes),
         is_timed,
     )
-
-
-def _unit_of(stamps: Float64) -> tuple[str, float]:
-    """Return the unit of stamps too large for seconds, and how many of it make a second."""
-    steps = np.diff(np.unique(stamps))
-    period = float(np.median(steps)) if len(steps) else np.inf
-    fitting = [each for each in _UNITS if period / each[1] >= _LEAST_PERIOD] or [*_UNITS]
-    low, high = _THESE_YEARS
-    dated = [each for each in fitting if low <= stamps.min() / each[1] <= high]
-    return (dated or fitting)[0]

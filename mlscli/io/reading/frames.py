@@ -16,11 +16,12 @@ import numpy as np
 from mlscli.errors import InputError, UsageError
 from mlscli.geometry.poses import Poses, PoseTrack, unit
 from mlscli.geometry.transforms import TransformTree, bare
+from mlscli.io.plausibility.epochs import Epochs, told
 from mlscli.io.plausibility.publishers import of_one_body
-from mlscli.io.reading.epochs import Epochs, told
 from mlscli.io.reading.history import History, Moment
 from mlscli.io.reading.names import BODY_FRAMES, WORLD_FRAMES, is_world
 from mlscli.io.source import Source
+from mlscli.runtime.arrays import Float64
 
 
 def listed(numbers: Sequence[float] | None) -> str | None:
@@ -78,12 +79,15 @@ class Track(NamedTuple):
     epochs : Epochs
     poses : list of PoseTrack
         For each epoch.
+    times : float64 (M, 2)
+        The stamps of its messages, and when they were recorded.
     """
 
     parent: str
     child: str
     epochs: Epochs
     poses: list[PoseTrack]
+    times: Float64
 
     def at(self, moment: Moment) -> PoseTrack:
         """Return the poses of the epoch of a moment."""
@@ -146,7 +150,7 @@ def read_track(sources: Sequence[Source], topic: str, gap: float | None = None) 
                 lambda found: InputError(f"`pose_topic` {topic}: its poses are {found}")
             )
         tracks.append(PoseTrack(stamps, translations, rotations, gap=gap))
-    return Track(*frames[0], epochs, tracks)
+    return Track(*frames[0], epochs, tracks, np.column_stack((clock, logged)))
 
 
 def leading_frame(source: Source, tree: TransformTree) -> str:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.geometry.transforms import TransformTree, bare
-from mlscli.io.reading.epochs import Epochs, told
+from mlscli.io.plausibility.epochs import Epochs, told
 from mlscli.io.reading.namespaces import choose
 from mlscli.io.reading.rivals import Settled, link_of, settle
 from mlscli.io.source import Source, StampedPoses
@@ -56,6 +56,8 @@ class History:
         Why it is not known whose transforms are those of the clouds; empty where it is.
     faults : dict of str to str
         By frame, why its transforms say nothing: they contradict each other (`rivals`).
+    times : float64 (M, 2)
+        The stamps of transforms over time, and when they were recorded.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class History:
         self.notes: list[str] = []
         self.contradiction = ""
         self.faults: dict[str, str] = {}
+        self.times = np.empty((0, 2))
         self._gap, self._frame = gap, frame
         read = [list(source.transforms()) for source in sources]
         if of_clouds:
@@ -158,6 +161,7 @@ class History:
             streams.setdefault(_stream(poses), []).append(number)
         logged = np.array([poses.logged for poses in moving])
         stamps = np.array([poses.stamps.max() for poses in moving])
+        self.times = np.concatenate((self.times, np.column_stack((stamps, logged))))
         epochs = Epochs.of({key: (logged[rows], stamps[rows]) for key, rows in streams.items()})
         if jumps := [(begin.before, begin.after) for begin in epochs.begins]:
             self.notes.append(

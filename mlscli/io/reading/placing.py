@@ -18,6 +18,7 @@ from mlscli.errors import InputError
 from mlscli.geometry.poses import Pose, Poses, apply
 from mlscli.geometry.transforms import bare
 from mlscli.io.clouds.trajectory import Trajectory
+from mlscli.io.plausibility.clocks import same_clock
 from mlscli.io.reading.frames import (
     Mounting,
     Track,
@@ -33,6 +34,7 @@ from mlscli.io.reading.names import axes_of, is_body, is_world
 from mlscli.io.reading.tally import FRAMELESS, IN_GAP, UNCONNECTED, UNPLACED
 from mlscli.io.source import Cloud, Source
 from mlscli.keyframes.keyframe import Axes
+from mlscli.runtime.arrays import Float64
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,21 @@ class Placing:
         if craft.has_attitude and not placed.has_attitude:
             placed = replace(placed, attitude=craft.attitude, axes=craft.axes)
         return placed
+
+    def clock_note(self, clouds: Float64) -> str:
+        """Return why clouds may be moved by poses of other times; empty where nothing says so.
+
+        Parameters
+        ----------
+        clouds : float64 (N, 2)
+            The stamps of clouds, and when they were recorded.
+        """
+        if not any(callable(way) for way in self._ways.values()):
+            return ""
+        poses = self._history.times if self._track is None else self._track.times
+        note = same_clock(clouds, poses).note
+        way_out = "where their clocks differ, `time_source` log takes the times of recording"
+        return f"{note}; {way_out}" if note else ""
 
     def moves_with_craft(self, frame_id: str) -> bool:
         """Return whether a frame is that of a sensor, which is itself at (0, 0, 0)."""

@@ -76,6 +76,7 @@ class Recording:
     # What the last pass has found.
     _messages: int = 0
     _is_republished: bool = False
+    _is_loose: bool = False
     _witness: Witness | None = None
     _objection: str | None = None
 
@@ -112,12 +113,14 @@ class Recording:
         notes += self.tally.notes()
         if self._is_timeless:
             notes.append(_TIMELESS)
+        elif doubt := self._placing.clock_note(np.array(self.tally.times).reshape(-1, 2)):
+            notes.append(doubt)
         if self._objection is None and self._witness is not None:
             self._objection = self._witness.objection(self._upright, self._trajectory)
         return [*notes, self._objection] if self._objection else notes
 
     def _repeats(self) -> Iterator[str]:
-        """Yield what the last pass has found out about a map that is published again and again."""
+        """Yield what the last pass has found out about the recording as a whole."""
         if self._is_republished:
             yield (
                 f"{', '.join(self.labels)}: the same area is published again and again, at other "
@@ -126,6 +129,12 @@ class Recording:
             )
         if self._messages:
             yield f"`latest`: the last message alone is taken, of {self._messages:,}"
+        if self._is_loose and self._trajectory and self.tally.has_times:
+            begin, clouds = self._trajectory.stamps[0], self.tally.began
+            yield (
+                f"{self._trajectory.path}: none of its times, from {begin:.3f} s on, is one of the "
+                f"clouds, from {clouds:.3f} s on; it is a route of its own"
+            )
         if self._cumulative and self.tally.points_read and not self.tally.dropped.get(REPEATED):
             yield "`cumulative`: nothing was dropped, as no point came again unchanged"
 
@@ -182,6 +191,7 @@ class Recording:
             known |= cloud.has_position
             yield Keyframe(cloud.points, cloud.stamp, cloud.position)
         self._is_republished = watched is not None and watched.is_noticed()
+        self._is_loose = self._trajectory is not None and self._trajectory.is_timed and not known
         if self._trajectory is not None and not known:
             yield from self._loose_route(self._trajectory)
         self._witness = witness

@@ -6,11 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import count, islice
 
-from mlscli.io.reading.epochs import Elapsed
+from mlscli.io.plausibility.epochs import Elapsed
 from mlscli.io.reading.history import Moment
 from mlscli.io.reading.selection import Selection
 from mlscli.io.reading.tally import Tally
 from mlscli.io.source import Cloud, Source, Wanted
+
+# So many keyframes are enough to compare their clock with that of transforms.
+_TIMES = 10_000
 
 
 def selected(
@@ -59,6 +62,8 @@ def _wanted(selection: Selection, tally: Tally) -> Wanted:
             tally.began = stamp
         tally.came += 1
         tally.timed |= stamp != 0
+        if len(tally.times) < _TIMES:
+            tally.times.append((stamp, logged))
         return choose(stamp, logged)
 
     return wanted

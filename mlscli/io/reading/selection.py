@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mlscli.errors import UsageError
-from mlscli.io.reading.epochs import Elapsed
+from mlscli.io.plausibility.epochs import Elapsed
 from mlscli.io.source import Wanted
 
 _RELATIVE_BELOW = 1e8

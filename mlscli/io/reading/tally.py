@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from mlscli.io.reading.epochs import told
+from mlscli.io.plausibility.epochs import told
 
 NO_RETURN, REPEATED, NOT_FINITE = "no return", "repeated", "not finite"
 """Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
@@ -45,6 +45,8 @@ class Tally:
         Whether a keyframe read has a stamp other than 0.
     jumps : list of (float, float)
         What the clock said before and after each jump, in seconds.
+    times : list of (float, float)
+        The stamps of the first keyframes read, and when they were recorded, in seconds.
     """
 
     points_read: int = 0
@@ -55,6 +57,12 @@ class Tally:
     began: float = math.nan
     timed: bool = False
     jumps: list[tuple[float, float]] = field(default_factory=list)
+    times: list[tuple[float, float]] = field(default_factory=list)
+
+    @property
+    def has_times(self) -> bool:
+        """Whether keyframes read have stamps."""
+        return any(math.isfinite(stamp) for stamp, _ in self.times)
 
     @property
     def unplaced(self) -> int:

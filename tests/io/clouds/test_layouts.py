@@ -58,7 +58,7 @@ def test_missing_values_at_the_end_are_no_missing_columns(tmp_path: Path) -> Non
         ("".join(f"{1.6e9 + n} 1.5 2.5 {n}.5\n" for n in range(6)), "t,x,y,z", [1.5, 2.5, 0.5]),
         (
             "".join(f"{1403636580838555648 + n * 10**8},1,2,{n}\n" for n in range(6)),
-            "-,x,y,z",
+            "t,x,y,z",
             [1, 2, 0],
         ),
         ("".join(f"{n} 1.5 {n / 7} 2.5\n" for n in range(6)), "-,x,y,z", [1.5, 0, 2.5]),

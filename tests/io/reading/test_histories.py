@@ -120,6 +120,27 @@ def test_poses_of_a_topic_go_by_runs_too(tmp_path: Path) -> None:
     assert any("`pose_topic` /odometry: the clock jumps back" in note for note in recording.notes)
 
 
+@pytest.mark.parametrize("by", ["transforms", "poses"])
+def test_poses_whose_clock_is_another_than_that_of_the_clouds_are_told(
+    tmp_path: Path, by: str
+) -> None:
+    if by == "poses":
+        late = [recorded(odometry(k, at(k), "map"), k + 30) for k in range(51)]
+        options: dict[str, Any] = {"pose_topic": "/odometry"}
+    else:
+        late, options = run(30, 0, range(51)), {}
+    told = [*late, *seen(0, *range(31, 41))]
+    recording = opened(tmp_path, told, **options)
+
+    # By the headers each cloud is where the craft was half a minute later.
+    assert xs(recording) == list(range(31, 41))
+    (note,) = [note for note in recording.notes if "s before their recording" in note]
+    assert "`time_source` log" in note
+    by_log = open_recording(tmp_path / "flight", time_source="log", **options)
+    assert xs(by_log) == pytest.approx([k + 0.01 for k in range(1, 11)], abs=1e-6)
+    assert not any("their recording" in note for note in by_log.notes)
+
+
 def test_start_and_end_are_seconds_of_the_recording_across_a_reset(tmp_path: Path) -> None:
     told = [*run(0, 0), *seen(0, 2, 7), *run(20, 100), *seen(20, 2, 7)]
 

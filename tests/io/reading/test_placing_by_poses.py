@@ -30,6 +30,7 @@ from tests.helpers.craft import (
     positions_of,
     transform,
 )
+from tests.helpers.texts import text
 
 
 def test_poses_move_clouds_in_the_frame_of_the_craft(tmp_path: Path) -> None:
@@ -125,3 +126,23 @@ def test_a_trajectory_tells_where_the_craft_was_before_all_else(tmp_path: Path) 
 
     assert_near(clouds_of(recording)[0], moved(between(FIRST, SECOND_POSE, 0.25)))
     assert_near(positions_of(recording), [(2, 2, 3), (5, 2, 3), (5, 2, 3)])
+
+
+@pytest.mark.parametrize(
+    ("begin", "unit", "known"),
+    [(1_700_000_000, 1, True), (1_700_000_000, 10**9, True), (100, 1, False)],
+)
+def test_a_route_of_other_times_than_the_clouds_is_told(
+    tmp_path: Path, begin: int, unit: int, known: bool
+) -> None:
+    # The cloud's times are in nanoseconds; what the route's are in is told apart from them.
+    rows = "".join(f"{1_700_000_000 + k // 3}000000000,{k},1,2\n" for k in range(12))
+    cloud_path = text(tmp_path, "t,x,y,z\n" + rows)
+    path = "".join(f"{(begin + k) * unit} {k} 5 6 0 0 0 1\n" for k in range(4))
+    recording = open_recording(cloud_path, route=text(tmp_path, path, "route.txt"))
+
+    positions = positions_of(recording)
+    assert positions[:4] == ([(k, 5, 6) for k in range(4)] if known else positions[:4])
+    assert len(positions) == (4 if known else 8)
+    told = [note for note in recording.notes if "it is a route of its own" in note]
+    assert len(told) == (not known)

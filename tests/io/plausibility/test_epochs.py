@@ -13,7 +13,7 @@ from collections.abc import Hashable
 import numpy as np
 import pytest
 
-from mlscli.io.reading.epochs import Elapsed, Epochs
+from mlscli.io.plausibility.epochs import Elapsed, Epochs
 from mlscli.runtime.arrays import Float64
 
 STEADY: Float64 = np.asarray(100 + 0.1 * np.arange(100))

@@ -1,0 +1,85 @@
+"""Units of time stamps, and clocks that differ, told by when messages were recorded.
+
+How these tests could be cheated: by the size of stamps alone, or by calling each delay a clock of
+its own. So messages are under way, are recorded in bulk, or not together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlscli.io.plausibility.clocks import in_seconds, same_clock
+from mlscli.runtime.arrays import Float64
+
+SECONDS: Float64 = 1_700_000_000 + np.arange(20) / 4
+
+
+@pytest.mark.parametrize(
+    ("unit", "per_second"), [("nanoseconds", 1e9), ("microseconds", 1e6), ("milliseconds", 1e3)]
+)
+def test_stamps_too_large_for_seconds_are_told_by_the_dates_they_make(
+    unit: str, per_second: float
+) -> None:
+    found = in_seconds(np.append(SECONDS * per_second, np.nan))
+
+    assert found.value is not None
+    np.testing.assert_allclose(found.value[:-1], SECONDS, rtol=0, atol=1e-6)
+    assert np.isnan(found.value[-1])
+    assert found.note == f"the time stamps are taken as {unit}"
+
+
+@pytest.mark.parametrize("stamps", [SECONDS, SECONDS - 1.7e9, np.full(3, np.nan), np.empty(0)])
+def test_stamps_that_can_be_seconds_are(stamps: Float64) -> None:
+    found = in_seconds(stamps)
+
+    assert found.value is stamps
+    assert found.note == ""
+
+
+def recorded(delay: float, *, first: float = 0, count: int = 40, spread: float = 0.1) -> Float64:
+    """Return stamps and times of recording, a second after one another, with a delay."""
+    stamps = 1000 + first + np.arange(float(count))
+    late = np.random.default_rng(3).uniform(0, spread, count)
+    return np.column_stack((stamps, stamps + delay + late))
+
+
+@pytest.mark.parametrize(
+    ("clouds", "poses", "ahead"),
+    [
+        # A robot's clock that lags, one that is ahead, and uptime against the time of day.
+        (recorded(0.1), recorded(253.8, first=-253.8), -253.7),
+        (recorded(-20), recorded(0.1, first=-20), -20.1),
+        (recorded(1.7e9), recorded(0.1, first=1.7e9), 1.7e9),
+    ],
+)
+def test_stamps_of_two_clocks_are_told_by_their_delays(
+    clouds: Float64, poses: Float64, ahead: float
+) -> None:
+    found = same_clock(clouds, poses)
+
+    assert found.value == pytest.approx(ahead, abs=0.2)
+    assert "s before their recording" in found.note or "s after their recording" in found.note
+
+
+@pytest.mark.parametrize(
+    ("clouds", "poses"),
+    [
+        (recorded(0.1), recorded(3)),  # as of a node that takes long
+        (recorded(1000), recorded(1000.1)),
+        (recorded(0.1), recorded(0.1, first=100)),
+        (recorded(0.1), recorded(60, first=-40, spread=30)),
+        (recorded(0.1), recorded(60, count=2, first=-40)),
+        # Written in bulk afterwards, all at one time or one after another.
+        (np.column_stack((recorded(0)[:, 0], np.full(40, 5e8))), recorded(0.1)),
+        (
+            np.column_stack((recorded(0)[:, 0], np.arange(40.0))),
+            np.column_stack((recorded(0)[::-1, 0], np.arange(0.5, 40))),
+        ),
+        (np.full((9, 2), np.nan), recorded(5)),
+        (np.empty((0, 2)), recorded(5)),
+    ],
+)
+def test_delays_that_tell_no_clocks_apart_are_passed_over(clouds: Float64, poses: Float64) -> None:
+    assert same_clock(clouds, poses).note == ""
+    assert same_clock(poses, clouds).note == ""
