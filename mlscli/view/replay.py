@@ -144,8 +144,8 @@ def open_replay(path: str | os.PathLike[str], *, overwrite: bool = False) -> Ite
     ...     replay.finish(mlscli.build_map(recording, parameters, follow=replay.follow))
     """
     with (
-        whole_bag(path, "mcap", overwrite=overwrite) as target,
-        BagWriter(target, "mcap", TOPICS, lasting=TOPICS.keys() - {TF}, compressed=True) as bag,
+        whole_bag(path, "states", overwrite=overwrite) as target,
+        BagWriter(target, "states", TOPICS, lasting=TOPICS.keys() - {TF}) as bag,
     ):
         yield Replay(bag)
 

@@ -23,6 +23,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import mlscli
 from mlscli.errors import OutputError
+from mlscli.io.writing import mcap_states
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import Change
 from mlscli.maps.surface_map import SurfaceMap
@@ -198,7 +199,10 @@ def test_what_comes_late_of_earlier_keyframes_does_not_turn_time_back(tmp_path: 
     assert [message.time for message in told["/tf"]] == (surface.route[:, 0] * 10**9).tolist()
 
 
-def test_what_is_told_goes_to_the_file_and_is_not_held(tmp_path: Path) -> None:
+def test_what_is_told_goes_to_the_file_and_is_not_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mcap_states, "CHUNK_BYTES", 2**16)
     surface = replace(a_map(*plane(80, 40)), route=np.zeros((40, 4)))
     first = surface.iy.astype(np.int32)
     surface = replace(surface, first_keyframe=first, last_keyframe=first)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import yaml
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -16,14 +17,16 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
+from rosbags.rosbag2.metadata import dump_qos_v9
 
 from mlscli.io.ros import DATATYPES, NANOSECONDS, usual_types
+from mlscli.io.writing.mcap_states import StateWriter
 from mlscli.io.writing.triangle_lists import TriangleLists
 from mlscli.runtime.arrays import Array, Float64, Int32, UInt8
 
-Kind = Literal["ros1", "ros2", "mcap"]
+Kind = Literal["ros1", "ros2", "mcap", "states"]
 
 TF, TF_STATIC = "/tf", "/tf_static"
 
@@ -43,15 +46,14 @@ class BagWriter:
     Parameters
     ----------
     path : Path
-        A file where `kind` is ros1; otherwise a folder, which is created.
-    kind : {"ros1", "ros2", "mcap"}
-        A ROS 1 bag, or a ROS 2 bag of a SQLite or an MCAP file.
+        A file where `kind` is ros1 or states; otherwise a folder, which is created.
+    kind : {"ros1", "ros2", "mcap", "states"}
+        A ROS 1 bag, a ROS 2 bag of a SQLite or an MCAP file, or an MCAP file whose messages
+        resemble those before them on their topics.
     topics : mapping of str to str
         The message type of each topic.
     lasting : container of str
         The topics whose last message is also sent to later subscribers.
-    compressed : bool
-        Whether chunks of an MCAP file are compressed.
     """
 
     def __init__(
@@ -61,7 +63,6 @@ class BagWriter:
         topics: Mapping[str, str],
         *,
         lasting: Container[str] = (TF_STATIC,),
-        compressed: bool = False,
     ) -> None:
         self._topics = topics
         self._lasting = lasting
@@ -71,28 +72,32 @@ class BagWriter:
             self._triangle_lists = TriangleLists(self._store)
         self._types: Any = self._store.types
         self._writer: Any
-        if self._is_ros1:
+        if kind == "states":
+            self._writer = StateWriter(path, self._store)
+        elif self._is_ros1:
             self._writer = Writer1(path)
         else:
             plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-            writer = Writer2(path, version=9, storage_plugin=plugin)
-            if compressed:
-                writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-            self._writer = writer
+            self._writer = Writer2(path, version=9, storage_plugin=plugin)
         self._connections: dict[str, Any] = {}
 
     def __enter__(self) -> BagWriter:
         self._writer.__enter__()
         for topic, type_ in self._topics.items():
-            options: dict[str, Any] = {}
-            if topic in self._lasting:
-                options = (
-                    {"latching": 1} if self._is_ros1 else {"offered_qos_profiles": [_lasting()]}
-                )
-            self._connections[topic] = self._writer.add_connection(
-                topic, type_, typestore=self._store, **options
-            )
+            self._connections[topic] = self._connection(topic, type_)
         return self
+
+    def _connection(self, topic: str, type_: str) -> Any:
+        """Return what the writer calls a new topic."""
+        lasts = topic in self._lasting
+        offered = [_lasting()] if lasts else []
+        if isinstance(self._writer, StateWriter):
+            profiles = yaml.safe_dump(dump_qos_v9(offered))
+            return self._writer.add_topic(topic, type_, {"offered_qos_profiles": profiles})
+        options: dict[str, Any] = {"offered_qos_profiles": offered}
+        if self._is_ros1:
+            options = {"latching": 1} if lasts else {}
+        return self._writer.add_connection(topic, type_, typestore=self._store, **options)
 
     def __exit__(self, *exception: Any) -> None:
         self._writer.__exit__(*exception)
@@ -281,7 +286,7 @@ class BagWriter:
     def _write(self, topic: str, stamp: int, message: Any) -> None:
         connection = self._connections[topic]
         serialize = self._store.serialize_ros1 if self._is_ros1 else self._store.serialize_cdr
-        self._writer.write(connection, stamp, serialize(message, connection.msgtype))
+        self._writer.write(connection, stamp, serialize(message, self._topics[topic]))
 
 
 def _lasting() -> Qos:
