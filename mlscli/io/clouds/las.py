@@ -18,7 +18,14 @@ import lazrs
 import numpy as np
 
 from mlscli.errors import InputError, one_line
-from mlscli.io.clouds.laz import check_packing, is_layered, needs_table, points_end, readable_points
+from mlscli.io.clouds.laz import (
+    check_packing,
+    invented_points,
+    is_layered,
+    needs_table,
+    points_end,
+    readable_points,
+)
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted
 from mlscli.io.clouds.structures import mapped
 from mlscli.io.plausibility.boxes import within_bounds
@@ -66,6 +73,9 @@ class LasCloud(PointFile):
         columns = [*points.T, np.concatenate(part.kept) if part.kept else np.empty(0, np.bool_)]
         if part.labels:
             columns.append(np.concatenate(part.labels))
+        if part.fault and header.are_points_compressed:
+            sure = len(points) - invented_points(header, data, len(points))
+            columns = [column[:sure] for column in columns]
         columns, more, losses = counted(self.path, columns, declared, part.fault)
         points, kept = points[: len(columns[0])], columns[3]
         labels = columns[4] if len(columns) > 4 else None

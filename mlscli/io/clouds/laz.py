@@ -18,6 +18,8 @@ _ITEMS = 34
 _ITEM = struct.Struct("<3H")
 _TABLE_PLACE = struct.Struct("<q")
 _TABLE_HEAD = struct.Struct("<II")
+# Bytes at the end of a chunk.
+_FLUSHED = 4
 # Formats from 6 on are compressed in layers: those of coordinates and flags, then of each item.
 _LAYERED = 6
 _LAYERS = {6: 9, 7: 10, 8: 11, 9: 10, 10: 12}
@@ -106,6 +108,19 @@ def points_end(header: Any, data: UInt8) -> int:
         return len(data)
     (place,) = _TABLE_PLACE.unpack_from(data.data, at - _TABLE_PLACE.size)
     return place if at <= place <= len(data) else len(data)
+
+
+def invented_points(header: Any, data: UInt8, count: int) -> int:
+    """Return how many of the last points may be made of no bits, where reading more of them fails.
+
+    The encoder ends a chunk with up to four bytes that say nothing, and of these the decoder may
+    make points beyond the last one. In a file that was cut there are none, and in formats from 6
+    on chunks state how many points they hold.
+    """
+    begin, end = header.offset_to_point_data + _TABLE_PLACE.size, points_end(header, data)
+    if is_layered(header) or end in (begin, len(data)):
+        return 0
+    return min(count, 1 + int(_FLUSHED * count // (end - begin)))
 
 
 def is_layered(header: Any) -> bool:

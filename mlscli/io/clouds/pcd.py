@@ -77,6 +77,11 @@ class PcdCloud(PointFile):
         names = entries.get("FIELDS") or entries.get("COLUMNS") or []
         if not names:
             raise InputError(f"{self.path}: found no FIELDS in the header of a PCD")
+        described = {len(entries.get(key, names)) for key in ("SIZE", "TYPE", "COUNT")}
+        if data == "ascii" and len(described) == 1 and 3 <= min(described) < len(names):
+            # In a text a field needs no size: one more was added, and not to these.
+            for key, usual in (("SIZE", "4"), ("TYPE", "F"), ("COUNT", "1")):
+                entries[key] += [usual] * (len(names) - len(entries[key]))
         sizes = self._numbers(entries, "SIZE", len(names), "4")
         counts = self._numbers(entries, "COUNT", len(names), "1")
         types = entries.get("TYPE", ["F"] * len(names))

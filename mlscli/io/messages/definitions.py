@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from mlscli.io.containers.container import Channel
+from mlscli.io.containers.messagetypes import ros2_name
 from mlscli.io.ros import usual_types
 
 # The format characters of the module struct for all primitive types but strings.
@@ -38,13 +39,16 @@ _LARGEST_FIXED_PART = 2**16
 def typestore_of(channel: Channel) -> Typestore:
     """Return the types of a channel's schema, or those of a ROS distribution where it has none.
 
+    A schema that is no more than the name of its type, as converters write it, is none.
+
     Raises
     ------
     Exception
         Of any kind, as the parsers of rosbags raise many: the definition cannot be read, lacks a
         type, or describes an impossible message.
     """
-    if channel.schema.strip():
+    text = channel.schema.decode(errors="replace").strip()
+    if text and ros2_name(text) != channel.type:
         store = get_typestore(Stores.EMPTY)
         store.register(_parsed(channel))
     else:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of
+from mlscli.io.plausibility.angles import angles_of
 from mlscli.io.plausibility.ranges import measured
 from mlscli.runtime.arrays import Float64
 
@@ -19,12 +20,19 @@ from mlscli.runtime.arrays import Float64
 def decode_laserscan(message: Any) -> list[CloudPart]:
     """Decode a ``sensor_msgs/LaserScan``; beams that measured nothing are NaN."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
-    angles = message.angle_min + np.arange(len(ranges)) * message.angle_increment
+    turned = angles_of(
+        len(ranges),
+        float(message.angle_min),
+        float(message.angle_max),
+        float(message.angle_increment),
+    )
+    angles = turned.accepted(MalformedCloudError)
     found = measured(ranges, float(message.range_min), float(message.range_max))
     beams, unmeasured = found.accepted(MalformedCloudError)
     points = polar(np.where(beams, ranges, np.nan), angles)
     part = part_of(points, message.header.frame_id, message.header.stamp)
-    return [part._replace(doubts=(found.note,) if found.note else (), unmeasured=unmeasured)]
+    doubts = tuple(filter(None, (turned.note, found.note)))
+    return [part._replace(doubts=doubts, unmeasured=unmeasured)]
 
 
 def polar(ranges: Float64, angles: Float64) -> Float64:

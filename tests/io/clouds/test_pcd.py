@@ -185,6 +185,14 @@ def test_poses_are_no_points(tmp_path: Path) -> None:
         read(tmp_path / "transformations.pcd")
 
 
+def test_in_a_text_the_last_fields_need_no_size(tmp_path: Path) -> None:
+    # SIZE, TYPE and COUNT have three values each.
+    content = pcd("ascii", b"1 2 3 7\n4 5 6 8\n", FIELDS="x y z class")
+    (tmp_path / "a.pcd").write_bytes(content)
+
+    assert read(tmp_path / "a.pcd") == ([[[1, 2, 3], [4, 5, 6]]], [])
+
+
 @pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
 def test_a_field_splits_the_cloud_by_keyframe(tmp_path: Path, data: str) -> None:
     xyz = [np.array([k, 0, 0], "<f4") for k in (1, 2, 3)]

@@ -37,10 +37,14 @@ def test_the_smallest_message_has_empty_sequences_and_strings(type_: str, size: 
     assert smallest_size(type_, STORES["cdr"].fielddefs) == size
 
 
+@pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize("encoding", ["ros1", "cdr"])
-def test_without_a_schema_the_types_of_the_distribution_serve(encoding: str) -> None:
+def test_without_a_schema_the_types_of_the_distribution_serve(encoding: str, named: bool) -> None:
     for type_ in ("sensor_msgs/msg/PointCloud2", "tf2_msgs/msg/TFMessage"):
-        fields = typestore_of(Channel("/t", type_, encoding, b"", "", None)).fielddefs[type_][1]
+        # Some converters write the name of the type where its definition belongs.
+        schema = f"{type_}\n".encode() if named else b""
+        recorded = Channel("/t", type_, encoding, schema, "ros2msg" if named else "", None)
+        fields = typestore_of(recorded).fielddefs[type_][1]
         assert fields == STORES[encoding].fielddefs[type_][1]
     headers = typestore_of(Channel("/t", "std_msgs/msg/Header", encoding, b"", "", None)).fielddefs[
         "std_msgs/msg/Header"

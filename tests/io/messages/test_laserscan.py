@@ -77,3 +77,12 @@ def test_an_infinite_range_is_none_whatever_the_limit(encoding: str) -> None:
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_scan_without_beams_is_an_empty_cloud(encoding: str) -> None:
     assert decode(encoding).points.shape == (0, 3)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_angles_that_contradict_each_other_are_told(encoding: str) -> None:
+    told = decode(encoding, angle_max=77.0, ranges=[2, 4, 3])
+    untold = decode(encoding, angle_max=1.0, ranges=[2, 4, 3])
+
+    assert told.points.tolist() == untold.points.tolist()
+    assert [bool(part.doubts) for part in (told, untold)] == [True, False]

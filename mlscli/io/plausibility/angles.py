@@ -1,0 +1,48 @@
+"""Where the beams of a scan point: its increment, against its bounds and the number of ranges.
+
+References
+----------
+sensor_msgs/LaserScan: angle_min and angle_max are the angles of the first and the last beam.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mlscli.io.plausibility.finding import Finding, doubted, right
+from mlscli.runtime.arrays import Float64
+
+_APART = 2.5
+"""Increments between the last beam and angle_max: many drivers set it one or two beyond."""
+
+
+def angles_of(count: int, low: float, high: float, increment: float) -> Finding[Float64]:
+    """Return the angles of the beams.
+
+    Parameters
+    ----------
+    count : int
+        The number of ranges.
+    low, high, increment : float
+        angle_min, angle_max and angle_increment as the scan states them, in radians. Where the
+        bounds are equal, they are not set.
+
+    Returns
+    -------
+    Finding of float64 (count,)
+        By the increment, which is what viewers go by; never refused.
+    """
+    angles: Float64 = low + np.arange(count, dtype=np.float64) * increment
+    if count < 2 or low == high or not math.isfinite(low + high + increment):
+        return right(angles)
+    if abs(float(angles[-1]) - high) <= _APART * abs(increment):
+        return right(angles)
+    if increment * (high - low) < 0:
+        return doubted(angles, "angle_increment turns away from angle_max; the increment counts")
+    return doubted(
+        angles,
+        "angle_increment and the number of ranges do not lead from angle_min to angle_max; the "
+        "increment counts",
+    )
