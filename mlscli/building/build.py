@@ -198,11 +198,7 @@ def feed(
         keyframes += 1
         known += math.isfinite(sum(keyframe.position))
     if follows_sights and not known:
-        raise InputError(
-            f"{', '.join(recording.sources)}: `free_space`: where the craft was is not known of "
-            "any keyframe, so that nothing is known to be seen through; leave it out, or give a "
-            "recording with positions"
-        )
+        raise InputError(unseen(recording))
     if follows_sights and known < keyframes:
         notice(
             f"free space: where the craft was is not known of {keyframes - known:,} of "
@@ -226,6 +222,15 @@ def read(recording: Recording, report: Report, progress: Progress | None) -> Ite
         if progress is not None:
             progress("reading", done, recording.expected_keyframes)
         yield keyframe
+
+
+def unseen(recording: Recording) -> str:
+    """Return the message that says why a recording gives no free space."""
+    return (
+        f"{', '.join(recording.sources)}: `free_space`: where the craft was is not known of any "
+        "keyframe, so that nothing is known to be seen through; leave it out, or give a recording "
+        "with positions"
+    )
 
 
 def emptied(recording: Recording, report: Report) -> str:

@@ -75,6 +75,7 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
         ("keyframes", _keyframes(account, about)),
         ("points", _number(account["points"], about)),
         ("patches", _number(account["patches"], "" if account["whole"] else "about ")),
+        ("free space", _free_space(account, parameters)),
         ("cell size", report.reasoned(cell_size, why.get("cell_size"))),
         ("gap size", report.reasoned(gap_size, why.get("gap_size"))),
         ("vehicle", report.craft(parameters.vehicle, None if auto else account["cell_size"])),
@@ -86,6 +87,13 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
 
 
 _UNKNOWN = "not known from the beginning of the recording"
+
+
+def _free_space(account: dict[str, Any], parameters: Parameters) -> str:
+    if not parameters.map.free_space:
+        return ""
+    number = _number(account["voxels"], "" if account["whole"] else "about ")
+    return number if account["voxels"] is None else f"{number} voxels seen through"
 
 
 def _keyframes(account: dict[str, Any], about: str) -> str:

@@ -6,8 +6,8 @@ build; otherwise they are extrapolated:
 
 - keyframes: as many as the recording declares, or at the rate of those read;
 - points and batches: in proportion to the keyframes;
-- patches: by a power of the points, fitted to the last two parts: a flight over new ground adds
-  patches in proportion, one over the same ground adds few;
+- patches, and voxels of free space: by a power of the points, fitted to the last two parts: a
+  flight over new ground adds patches in proportion, one over the same ground adds few;
 - cell and gap size: those of the points read. Where ground is seen again later, points lie closer,
   and the cells of the build are smaller;
 - time: of reading, in proportion to the keyframes; of building, by a power of the points within
@@ -25,8 +25,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.building.build import settled
+from mlscli.building.build import settled, unseen
 from mlscli.building.builder import Follower, MapBuilder
+from mlscli.errors import InputError
 from mlscli.io.reading.glance import Glance
 from mlscli.io.reading.recording import AUTO, Recording, open_recording
 from mlscli.keyframes.batches import batches
@@ -58,8 +59,9 @@ class Estimate:
         How many keyframes there are.
     counted : bool
         Whether the keyframes were counted or declared, not estimated from their rate.
-    batches, points, patches : int or None
-        How many batches and points there are, and how many patches the map has.
+    batches, points, patches, voxels : int or None
+        How many batches and points there are, and how many patches the map has; and through how
+        many voxels of its free space lines of sight passed, where that is kept.
     cell_size, gap_size, thickness : float or None
         Lengths of the map, in the unit of the recording.
     sizes : dict of str to str
@@ -83,6 +85,7 @@ class Estimate:
     batches: int | None
     points: int | None
     patches: int | None
+    voxels: int | None
     cell_size: float | None
     gap_size: float | None
     thickness: float | None
@@ -133,6 +136,8 @@ def estimate_build(
     passes = 2 if reading.get("up") == AUTO else 1
     spent = (time.perf_counter() - begin - opened) * passes
     tally = recording.tally
+    if parameters.map.free_space and not glance.cut and not _has_positions(keyframes):
+        raise InputError(unseen(recording))
     trial = _Trial(parameters, keyframes, follow) if _size(keyframes) else None
     # The last message that was read stands for the last there is.
     is_known = not glance.cut or "latest" in recording.options
@@ -141,7 +146,7 @@ def estimate_build(
     total = _by_their_rate(placed, recording.duration) if declared is None else declared
     more = total / tally.keyframes if total and tally.keyframes else None
     dropped = dict(tally.dropped)
-    known: dict[str, Any] = dict.fromkeys(("batches", "points", "patches", "seconds"))
+    known: dict[str, Any] = dict.fromkeys(("batches", "points", "patches", "voxels", "seconds"))
     known |= _lengths(parameters) if trial is None else trial.lengths
     if trial is not None:
         dropped |= trial.dropped
@@ -150,6 +155,7 @@ def estimate_build(
                 "batches": round(trial.batches * more),
                 "points": round(tally.points_read * more),
                 "patches": trial.patches(more),
+                "voxels": trial.voxels(more),
                 "seconds": opened + spent * more + trial.seconds(more),
             }
     return Estimate(
@@ -171,6 +177,7 @@ def estimate_build(
             *recording.notes,
             *(trial.settling.doubts if trial is not None else []),
             *_reservations(recording, glance),
+            *_unseen_so_far(parameters, keyframes),
         ],
         lost=recording.losses,
     )
@@ -194,6 +201,20 @@ def _reservations(recording: Recording, glance: Glance) -> Iterator[str]:
         yield "`latest`: the end of the recording is not reached, an earlier message stands for it"
     if glance.poses_cut:
         yield "transforms and poses are read in part: clouds without one may get theirs when built"
+
+
+def _has_positions(keyframes: Sequence[Keyframe]) -> bool:
+    """Return whether it is known of a keyframe where the craft was."""
+    return any(math.isfinite(sum(keyframe.position)) for keyframe in keyframes)
+
+
+def _unseen_so_far(parameters: Parameters, keyframes: Sequence[Keyframe]) -> Iterator[str]:
+    """Yield a note where free space is asked for and no keyframe read so far has a position."""
+    if parameters.map.free_space and not _has_positions(keyframes):
+        yield (
+            "`free_space`: where the craft was is not known of any keyframe read so far; if it is "
+            "of none, the build will fail"
+        )
 
 
 def _lengths(parameters: Parameters) -> dict[str, float | None]:
@@ -228,8 +249,8 @@ class _Trial:
         How many batches these make.
     dropped : dict
         How many points the stages drop, by reason; empty unless `is_whole`.
-    growth : float
-        The power of the points by which patches grow, from 0 to 1.
+    growth, opening : float
+        The powers of the points by which patches and voxels of free space grow, from 0 to 1.
     startup : float
         The time (s) that does not grow with the points.
     lengths : dict
@@ -249,7 +270,7 @@ class _Trial:
         parameters = settled(parameters, tried, self.settling)
         sizing = (time.perf_counter() - begin) / _size(tried)
         self.lengths = _lengths(parameters)
-        self.growth = self._slowing = 1.0
+        self.growth = self.opening = self._slowing = 1.0
         first = _part(tried, _TRIAL_SHARES[0])
         # The first build loads the kernels.
         loading = _built(parameters, first, follow).seconds
@@ -266,6 +287,8 @@ class _Trial:
                 self._slowing = _power(built.seconds / last.seconds, more, 1.0, 2.0)
                 if len(tried) > 1 and last.patches and built.patches:
                     self.growth = _power(built.patches / last.patches, more, 0.0, 1.0)
+                if len(tried) > 1 and last.voxels and built.voxels:
+                    self.opening = _power(built.voxels / last.voxels, more, 0.0, 1.0)
                 last = built
         self._last, self._sizing = last, sizing
         self.is_whole = last.points == self._points
@@ -275,6 +298,13 @@ class _Trial:
         """Return how many patches a map of `more` times the points read has."""
         times = more * self._points / self._last.points
         return round(self._last.patches * math.pow(times, self.growth))
+
+    def voxels(self, more: float) -> int | None:
+        """Return how many voxels of free space it has; None where that is not kept."""
+        if self._last.voxels is None:
+            return None
+        times = more * self._points / self._last.points
+        return round(self._last.voxels * math.pow(times, self.opening))
 
     def seconds(self, more: float) -> float:
         """Return how long (s) such a map takes to build."""
@@ -292,6 +322,8 @@ class _Built(NamedTuple):
         Points in the part.
     patches : int
         Patches of its map.
+    voxels : int or None
+        Voxels of its free space; None where that is not kept.
     seconds : float
         Wall time of building it.
     dropped : dict of str to int
@@ -300,6 +332,7 @@ class _Built(NamedTuple):
 
     points: int
     patches: int
+    voxels: int | None
     seconds: float
     dropped: dict[str, int]
 
@@ -311,9 +344,11 @@ def _built(
     builder = MapBuilder(parameters, follow=follow)
     for keyframe in keyframes:
         builder.add(keyframe)
-    patches = builder.finish().size
+    surface = builder.finish()
     seconds = time.perf_counter() - begin
-    return _Built(_size(keyframes), patches, seconds, dict(builder.report.dropped))
+    voxels = None if surface.free is None else surface.free.size
+    dropped = dict(builder.report.dropped)
+    return _Built(_size(keyframes), surface.size, voxels, seconds, dropped)
 
 
 def _power(ratio: float, of: float, low: float, high: float) -> float:

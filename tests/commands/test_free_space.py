@@ -55,9 +55,22 @@ def test_it_is_kept_if_asked_for_and_told(flight: Path) -> None:
     assert without["free_space"] is None
 
 
-def test_without_positions_it_is_an_error_of_one_line_and_no_map(tmp_path: Path) -> None:
+def test_a_dry_run_foresees_it(flight: Path) -> None:
+    foreseen = built(flight, "map.npz", "--free-space", "--dry-run")
+    built(flight, "map.npz", "--free-space")
+    free = read_map(flight.with_name("map.npz")).free
+    assert free is not None
+    assert f"free space  {free.size:,} voxels seen through\n" in foreseen
+    assert "free space" not in built(flight, "without.npz", "--dry-run")
+
+
+@pytest.mark.parametrize("option", [(), ("--dry-run",)])
+def test_without_positions_it_is_an_error_of_one_line_and_no_map(
+    option: tuple[str, ...], tmp_path: Path
+) -> None:
     (tmp_path / "cloud.txt").write_text("\n".join(" ".join(map(str, p)) for p in POINTS))
-    done = mls("build", "cloud.txt", "--free-space", "--set", "map.cell_size=0.5", cwd=tmp_path)
+    size = "--set", "map.cell_size=0.5"
+    done = mls("build", "cloud.txt", "--free-space", *size, *option, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith("mls: cloud.txt: --free-space: where the craft was is not known")
     assert done.stderr.count("\n") == 1

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from mlscli.building.build import build
+from mlscli.errors import InputError
 from mlscli.io.reading.glance import Glance
 from mlscli.io.reading.recording import open_recording
 from mlscli.pipeline.parameters import Parameters
@@ -77,6 +78,29 @@ def test_of_a_flight_over_new_ground_all_grows_with_the_keyframes(tmp_path: Path
     built = build(open_recording(bag)).surface
     assert estimate.cell_size == pytest.approx(built.cell_size, rel=0.1)
     assert estimate.patches == pytest.approx(built.size, rel=0.1)
+
+
+def test_free_space_grows_with_the_flight_and_needs_positions(tmp_path: Path) -> None:
+    parameters = Parameters().with_cell_size(0.2).with_free_space()
+    rows = [
+        (*point, number, number, 0.5, 3.0)
+        for number, sent in enumerate(onwards())
+        for point in sent.points.tolist()
+    ]
+    np.savetxt(tmp_path / "a.txt", rows, fmt="%.4f")
+    columns = "x,y,z,keyframe,cx,cy,cz"
+    built = build(open_recording(tmp_path / "a.txt", columns=columns), parameters).surface
+    foreseen = estimate_build(
+        tmp_path / "a.txt", parameters=parameters, glance=tenth(), columns=columns
+    )
+    assert built.free is not None
+    assert not foreseen.whole
+    assert foreseen.voxels == pytest.approx(built.free.size, rel=0.2)
+    nowhere = write_bag(tmp_path / "a.bag", onwards())
+    foreseen = estimate_build(nowhere, parameters=parameters, glance=tenth())
+    assert any("not known of any keyframe read so far" in note for note in foreseen.notes)
+    with pytest.raises(InputError, match="`free_space`: where the craft was is not known of any"):
+        estimate_build(nowhere, parameters=parameters, glance=unhurried())
 
 
 def test_ground_that_is_seen_again_adds_few_patches(tmp_path: Path) -> None:

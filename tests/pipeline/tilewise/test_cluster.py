@@ -118,6 +118,24 @@ def test_a_cluster_makes_the_map_of_one_pass(
     assert len(tiles) > 2
 
 
+def test_a_cluster_makes_the_free_space_of_one_pass(
+    monkeypatch: pytest.MonkeyPatch, workers: Cluster
+) -> None:
+    monkeypatch.setattr(tilewise, "WORTHWHILE_POINTS", 1)
+    given = parameters(PIPELINES["regions last"]).with_free_space()
+    surfaces = []
+    for hands in (None, workers):
+        builder = MapBuilder(given, cluster=hands)
+        for number, part in enumerate(np.array_split(levels().xyz, 4)):
+            builder.add(Keyframe(part, position=(1.3 * number, 0.7, 6.1)))
+        surfaces.append(builder.finish())
+    expected, surface = surfaces
+    assert expected.free is not None
+    assert expected.free.lines.max() > 1
+    assert surface == expected
+    assert surface.free == expected.free
+
+
 def test_tiles_come_in_their_order_and_few_are_on_their_way(workers: Cluster) -> None:
     taken = []
 
