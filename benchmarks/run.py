@@ -21,6 +21,7 @@ TOPICS = {
     "batch": "A batch into a growing map",
     "stages": "Map stages",
     "pipeline": "The whole pipeline",
+    "queries": "Queries of maps",
     "meshes": "Meshes and their files",
     "reading": "Bags to points",
     "commands": "Whole commands",

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.mesh import build_mesh
     from mlscli.pipeline.parameters import Parameters
+    from mlscli.queries.levels import height_at, levels_at
     from mlscli.view.page import write_page
     from mlscli.view.replay import open_replay, write_replay
 
@@ -39,6 +40,8 @@ __all__ = [
     "build_map",
     "build_mesh",
     "fit_sizes",
+    "height_at",
+    "levels_at",
     "load_parameters",
     "merge_maps",
     "open_recording",
@@ -61,6 +64,8 @@ _HOMES = {
     "fit_sizes": ("mlscli.building.sizes", "fit_sizes"),
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
+    "height_at": ("mlscli.queries.levels", "height_at"),
+    "levels_at": ("mlscli.queries.levels", "levels_at"),
     "merge_maps": ("mlscli.maps.merging", "merge_maps"),
     "open_recording": ("mlscli.io.reading.recording", "open_recording"),
     "open_replay": ("mlscli.view.replay", "open_replay"),

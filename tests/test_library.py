@@ -197,6 +197,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "write_replay": (mlscli.write_replay, {"path": "a", "surface": SURFACE, "changes": []}),
     "open_replay": (enter(mlscli.open_replay), {"path": "a"}),
     "build_mesh": (mlscli.build_mesh, {"surface": SURFACE}),
+    "levels_at": (mlscli.levels_at, {"surface": SURFACE, "xy": SCAN[:, :2]}),
+    "height_at": (mlscli.height_at, {"surface": SURFACE, "xy": SCAN[:, :2]}),
     "merge_maps": (mlscli.merge_maps, {"one": SURFACE, "other": SURFACE}),
     "compare_maps": (compare_maps, {"a": SURFACE, "b": SURFACE}),
     "score": (score, {"surface": SURFACE, "truth": SURFACE}),

@@ -71,7 +71,16 @@ def _points(columns: Sequence[Array]) -> Float64:
 
 @kernel
 def _count(x: Array, y: Array, z: Array, low: Float64, high: Float64, most: int) -> int:
-    """Return how many points have a coordinate that cannot be, `most` + 1 at most."""
+    """Return how many points have a coordinate that cannot be.
+
+    Parameters
+    ----------
+    x, y, z : float32 or float64 (N,)
+    low, high : float64 (3,)
+        The least and the greatest that each can be.
+    most : int
+        Where there are more, ``most + 1`` is returned.
+    """
     count = 0
     for row in range(len(x)):
         if (

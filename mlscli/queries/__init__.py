@@ -1,0 +1,1 @@
+"""What a map says of places: levels, heights, and the space between them."""
