@@ -2,6 +2,9 @@
 
 Commands that use every kernel run in a new folder, with an empty cache. It prints the sum of the
 times from the beginning of each compilation to its end, and the kernels that no command used.
+
+``python -m benchmarks.compiling --list > mlscli/runtime/kernels.txt`` lists the kernels that were
+called, and the types of their arguments: those that are compiled ahead.
 """
 
 from __future__ import annotations
@@ -9,19 +12,27 @@ from __future__ import annotations
 import os
 import pkgutil
 import struct
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from importlib import import_module
+from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
 
 import click
 import numba
+import numpy as np
 from numba.core import event
 
 from mlscli.runtime import kernel_files
+from mlscli.runtime.kernel_types import written
 
+ROOT = Path(__file__).resolve().parents[1]
+BRIDGE = ROOT / "data/samples/bridge.txt"
 SYNTH = "synth --type bridge-walls --grid 0.2 -o flight.txt"
 EVERY = (
     "rays: {noise: 0.01}",
@@ -36,7 +47,7 @@ COMMANDS = (
     *(SYNTH, f"{SYNTH} --holes 2,0.5 --overwrite", "synth --type stair --grid 0.5 -o stair.txt"),
     "build flight.txt --cumulative -c every.yaml --set map.cell_size=0.2",
     "synth --type planes --grid 0.2 --noise slam -o slam.mcap",
-    "build slam.mcap -c every.yaml --set map.cell_size=0.2 --free-space",
+    "build slam.mcap -c every.yaml --set map.cell_size=0.2 --free-space -o free.npz",
     "build flight.txt -o sequential.npz --set mode=sequential --set map.cell_size=0.2",
     "build flight.txt -o growing.npz --growing",
     "build cloud.pcd -c plain --set map.cell_size=1",
@@ -45,6 +56,9 @@ COMMANDS = (
     "compare flight.npz --truth flight.truth.npz",
     "export flight.npz --format ply",
     "export flight.npz --format obj --style patches",
+    f"build {BRIDGE} -c every.yaml -o bridge.npz",
+    "compare flight.npz --cloud flight.txt --flight flight.txt --within 0.5",
+    f"synth --cloud {BRIDGE} -o scan.txt --features 20",
 )
 
 
@@ -59,17 +73,21 @@ class Compiled(NamedTuple):
         How many kernels the program has.
     unused : list of str
         Names of the kernels that no command used.
+    called : list of str
+        The kernels that were called, each with the types of its arguments.
     """
 
     seconds: float
     kernels: int
     unused: list[str]
+    called: list[str]
 
 
 def compiled(clock: Callable[[], float]) -> Compiled:
     """Run the commands in the current folder; the process must not have compiled anything yet."""
     import mlscli
     from mlscli.cli import Run, commands
+    from mlscli.pipeline.stages import sights
 
     stopwatch = _Stopwatch(clock)
     event.register("numba:compile", stopwatch)  # type: ignore[no-untyped-call, unused-ignore]
@@ -77,6 +95,12 @@ def compiled(clock: Callable[[], float]) -> Compiled:
     Path("every.yaml").write_text("pipeline:\n" + "".join(f"- {stage}\n" for stage in EVERY))
     for command in COMMANDS:
         commands.main(command.split(), standalone_mode=False, obj=Run())
+    _ask_for_space("free.npz")
+    # What is for many points does for few.
+    sights._FEW = 0
+    commands.main(
+        f"build {BRIDGE} -o bridge.npz --overwrite".split(), standalone_mode=False, obj=Run()
+    )
     modules = [
         import_module(module.name)
         for module in pkgutil.walk_packages(mlscli.__path__, "mlscli.")
@@ -89,7 +113,12 @@ def compiled(clock: Callable[[], float]) -> Compiled:
         if hasattr(value, "py_func") and value.__module__ == module.__name__
     }
     unused = [name for name, value in kernels.items() if not value.signatures]
-    return Compiled(stopwatch.seconds, len(kernels), unused)
+    called = [
+        f"{name}({', '.join(map(written, types))})"
+        for name, value in kernels.items()
+        for types in value.signatures
+    ]
+    return Compiled(stopwatch.seconds, len(kernels), unused, sorted(called))
 
 
 class _Stopwatch(event.Listener):
@@ -128,17 +157,37 @@ def _write_clouds() -> None:
     Path("faces.ply").write_bytes(head.encode() + b"".join(rows))
 
 
+def _ask_for_space(path: str) -> None:
+    """Ask a map what is known of places, and put its free space together with itself."""
+    from mlscli import read_map
+    from mlscli.maps.space import space_at
+
+    surface = read_map(path)
+    assert surface.free is not None
+    space_at(surface, np.zeros((1, 3)))
+    surface.free.union(surface.free)
+
+
 @click.command()
 @click.option("--cpu", is_flag=True, help="Measure CPU time, not wall time.")
-def main(cpu: bool) -> None:
+@click.option("--list", "listed", is_flag=True, help="List the kernels that were called instead.")
+def main(cpu: bool, listed: bool) -> None:
     """Print how long it took, how many kernels there are, and which were not used."""
-    with tempfile.TemporaryDirectory() as folder:
-        # What the package has compiled lies there.
-        kernel_files.OWN = Path(folder, "kernels")
-        numba.config.CACHE_DIR = str(kernel_files.OWN)  # type: ignore[attr-defined, unused-ignore]
+    with tempfile.TemporaryDirectory() as folder, redirect_stdout(StringIO()):
         os.chdir(folder)
+        if not listed:
+            # What the package has compiled lies there.
+            kernel_files.OWN = Path(folder, "kernels")
+            numba.config.CACHE_DIR = folder  # type: ignore[attr-defined, unused-ignore]
         found = compiled(time.process_time if cpu else time.perf_counter)
-    click.echo(f"{found.seconds:.2f} {found.kernels} {' '.join(found.unused)}")
+    if not listed:
+        click.echo(f"{found.seconds:.2f} {found.kernels} {' '.join(found.unused)}")
+    elif found.seconds:
+        # Kernels that others call were compiled with these; once these are kept, they are not.
+        again = [sys.executable, "-m", "benchmarks.compiling", "--list"]
+        sys.exit(subprocess.call(again, cwd=ROOT))
+    else:
+        click.echo("\n".join(found.called))
 
 
 if __name__ == "__main__":

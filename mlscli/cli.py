@@ -39,6 +39,7 @@ COMMANDS = {
         "mlscli.commands.bench",
         "Measure what the stages are worth, or how fast batches are.",
     ),
+    "warmup": ("mlscli.commands.warmup", "Compile what is compiled when it is first needed."),
     "config": ("mlscli.commands.config", "Write, show and check parameters."),
 }
 

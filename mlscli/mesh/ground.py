@@ -49,7 +49,8 @@ def route_on_ground(surface: SurfaceMap) -> GroundLine:
     position = position[on_grid(position, surface.cell_size)]
     position = _steps(position, surface.cell_size)
     cell = cell_indices(position[:, :2], surface.cell_size).astype(np.int64)
-    ground = _ground_below(cell, position[:, 2], *surface.cells, surface.height)
+    height = np.ascontiguousarray(position[:, 2])
+    ground = _ground_below(cell, height, *surface.cells, surface.height)
     if surface.size and not np.isfinite(ground).any():
         ground = position[:, 2]
     landed = np.column_stack((position[:, :2], ground)) + 0.0

@@ -5,11 +5,15 @@ digest of all that the result depends on: the types, what the kernel is compiled
 of Python, numba, llvmlite and numpy, the platform and the processor. So a file is current if it has
 the right name, wherever it was copied to, and no index is kept. It begins with a checksum: what is
 cut short or of another kernel is no file of it.
+
+What lies in the package's own folder comes with it, compiled for any processor of the platform
+(`GENERIC`); what is compiled when it is first called is for the processor at hand.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import pickle
 import platform
@@ -29,17 +33,21 @@ import numpy as np
 from numba.core import caching, compiler, serialize, sigutils
 
 from mlscli.runtime.kernel_sources import digest
+from mlscli.runtime.kernel_types import written
 
 OWN = Path(__file__).with_name("compiled")
 """The package's own folder of kernels."""
 
 # numba is typed in part.
 _config: Any = numba.config
-_types: Any = numba.types
 _Result: Any = compiler.CompileResult
 _dumps: Any = serialize.dumps
 _normalized: Any = sigutils.normalize_signature
 
+GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+"""The environment of a process that compiles for any processor of the platform."""
+
+_MADE_FOR = "made-for.json"
 _CHECKSUM = hashlib.sha256().digest_size
 
 
@@ -81,19 +89,22 @@ class KernelFiles(caching._Cache):  # type: ignore[misc, unused-ignore]
         """Return what a kernel was compiled to for the types of its arguments; None: nothing."""
         # Without it, numba knows no types yet.
         target_context.refresh()
-        name = self._name(sig, target_context.codegen())
+        processor = target_context.codegen().magic_tuple()
         for place in _folders(self._is_own):
-            kept = _read(place / name)
-            if kept is not None:
-                return _Result._rebuild(target_context, *pickle.loads(kept))
+            for one in (_any_processor(processor), processor):
+                kept = _read(place / self.name(sig, one))
+                if kept is not None:
+                    return _Result._rebuild(target_context, *pickle.loads(kept))
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what a kernel was compiled to, unless it cannot be, or no folder can be written."""
         place = folder(self._is_own)
         if place and not data.lifted and not data.library.has_dynamic_globals:
+            # What numba notes of types is long, and tells where modules lie.
+            reduced = data._replace(type_annotation="")._reduce()
             with suppress(OSError):
-                _write(place / self._name(sig, data.codegen), _dumps(data._reduce()))
+                _write(place / self.name(sig, data.codegen.magic_tuple()), _dumps(reduced))
 
     def enable(self) -> None:
         """Do nothing: what is kept is always used."""
@@ -104,41 +115,53 @@ class KernelFiles(caching._Cache):  # type: ignore[misc, unused-ignore]
     def flush(self) -> None:
         """Do nothing: what is kept is right."""
 
-    def _name(self, sig: Any, codegen: Any) -> str:
+    def name(self, sig: Any, processor: tuple[str, ...]) -> str:
+        """Return the name of the file for types of arguments, and a processor as numba tells it."""
         arguments, _ = _normalized(sig)
         depends = (
-            *map(described, arguments),
+            # The one has the names of fields, the other the types of those of records.
+            *(f"{written(kind)} {kind!r}" for kind in arguments),
             digest(self._function),
             repr(sorted(self._options.items())),
-            environment(),
-            repr(codegen.magic_tuple()),
+            repr(environment()),
+            repr(processor),
         )
         ending = hashlib.sha256("\n".join(depends).encode()).hexdigest()[:32]
         return f"{self._function.__module__}.{self._function.__qualname__}-{ending}.kernel"
 
 
-def described(kind: Any) -> str:
-    """Return a text that says what a type of numba's is, with the fields of named tuples."""
-    if isinstance(kind, _types.BaseNamedTuple):
-        made = kind.instance_class
-        fields = zip(kind.fields, kind.types, strict=True)
-        inside = ", ".join(f"{field}: {described(one)}" for field, one in fields)
-        return f"{made.__module__}.{made.__qualname__}({inside})"
-    if isinstance(kind, _types.BaseTuple):
-        return f"({', '.join(map(described, kind.types))})"
-    return repr(kind)
+def _any_processor(processor: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what numba tells in a process with the environment `GENERIC`."""
+    return (processor[0], *GENERIC.values())
 
 
 @cache
-def environment() -> str:
-    """Return what compiled kernels depend on beside their sources and the processor."""
-    python = f"{sys.implementation.cache_tag}{sys.abiflags} {MAGIC_NUMBER.hex()}"
-    numpy = ".".join(np.__version__.split(".")[:2])
+def environment() -> dict[str, str]:
+    """Return what compiled kernels depend on beside their sources and the processor, by name."""
     switches = [_config.OPT, _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE, _config.BOUNDSCHECK]
-    return (
-        f"{python}, numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {numpy}, "
-        f"{sys.platform} {platform.machine()}, {switches}"
-    )
+    return {
+        "Python": f"{sys.implementation.cache_tag}{sys.abiflags} {MAGIC_NUMBER.hex()}",
+        "numba": numba.__version__,
+        "llvmlite": llvmlite.__version__,
+        "numpy": ".".join(np.__version__.split(".")[:2]),
+        "platform": f"{sys.platform} {platform.machine()}",
+        "switches": " ".join(map(str, switches)),
+    }
+
+
+def note_environment() -> None:
+    """Write down beside the package's own kernels what they were compiled for."""
+    if OWN.is_dir():
+        (OWN / _MADE_FOR).write_text(json.dumps(environment(), indent=1), encoding="utf-8")
+
+
+def mismatch() -> str:
+    """Return what the package's own kernels were compiled for, where it is not at hand; or ""."""
+    with suppress(OSError, ValueError):
+        made_for = json.loads((OWN / _MADE_FOR).read_text(encoding="utf-8"))
+        unlike = [name for name, here in environment().items() if made_for.get(name) != here]
+        return ", ".join(f"{name} {made_for.get(name)}" for name in unlike)
+    return ""
 
 
 def folder(is_own: bool = True) -> Path | None:

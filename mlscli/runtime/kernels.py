@@ -16,7 +16,7 @@ from numba.core import event
 from numba.extending import register_jitable
 
 from mlscli.runtime.interrupts import hold_interrupts, release_interrupts
-from mlscli.runtime.kernel_files import UnknownCache, folder, keep
+from mlscli.runtime.kernel_files import UnknownCache, folder, keep, mismatch
 from mlscli.runtime.notices import notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -73,7 +73,9 @@ class _Compiling(event.Listener):
         if why:
             notice(f"compiling kernels {for_all} in every run, for {why}")
         else:
-            notice(f"compiling kernels, once {for_all}")
+            unlike = mismatch()
+            those = f": those that came with the program are for {unlike}" if unlike else ""
+            notice(f"compiling kernels, once {for_all}{those}")
 
     def on_end(self, event: event.Event) -> None:
         """Say nothing more."""

@@ -132,7 +132,7 @@ def _walls(scene: Scene) -> Obstacles:
     # About as many squares as surfaces.
     side = extent / math.ceil(math.sqrt(len(counts)))
     return Obstacles(
-        corner,
+        np.ascontiguousarray(corner),
         normal,
         np.cross(across, normal) / square,
         np.cross(normal, along) / square,
