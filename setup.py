@@ -76,4 +76,9 @@ class Compiled(Distribution):
 
 
 build.sub_commands = [*build.sub_commands, ("build_kernels", None)]
-setup(cmdclass={"build_kernels": BuildKernels}, distclass=Compiled)
+setup(
+    cmdclass={"build_kernels": BuildKernels},
+    distclass=Compiled,
+    # Pip asks for these beside what pyproject.toml names, and takes the newest.
+    setup_requires=["numba>=0.60", "numpy>=1.26"],
+)
