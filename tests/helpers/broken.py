@@ -234,6 +234,13 @@ def one_line(words: object) -> bool:
     return "\n" not in str(words) and 0 < len(str(words)) < 600
 
 
+def told(lost: Iterable[Sent]) -> str:
+    """Return the words for lost messages by topic."""
+    counts = Counter(message.topic for message in lost)
+    order = sorted(counts, key=lambda topic: (-counts[topic], topic))
+    return ", ".join(f"{counts[topic]} of {topic}" for topic in order)
+
+
 @contextmanager
 def allocating_less_than(size: int) -> Iterator[None]:
     tracemalloc.start()

@@ -13,14 +13,14 @@ import re
 import zlib
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import BinaryIO, NamedTuple
 
 from mlscli.io.containers.compression import decompress, decompress_start, plain
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.containers.losses import DamagedError, Losses
-from mlscli.io.containers.messagefile import MessageFile
+from mlscli.io.containers.messagefile import MessageFile, declared
 from mlscli.io.containers.streams import in_time_order
 
 _WINDOW = 1 << 20
@@ -129,21 +129,21 @@ class ChunkedFile(MessageFile):
         """
         wanted, losses = self._begin(topics)
         chunks = [c for c in self._chunks if c.counts is None or wanted.keys() & c.counts.keys()]
-        came = 0
+        came: Counter[str] = Counter()
         with self._opened() as file:
             for message in in_time_order(
                 chunks, lambda c: c.start, lambda c: self._read(file, c, wanted, losses)
             ):
-                came += 1
+                came[message.channel.topic] += 1
                 yield message
-        losses.settle(came, sum(channel.count or 0 for channel in set(wanted.values())))
+        losses.settle(came, declared(wanted.values()))
 
     @abstractmethod
     def _find_chunks(self, file: BinaryIO) -> None:
         """Walk the file: fill `_chunks`, and record losses and definitions of channels."""
 
     @abstractmethod
-    def _contents(self, data: bytes) -> Contents:
+    def _contents(self, data: bytes, *, define: bool = True) -> Contents:
         """Find the messages in the content of a chunk, and record definitions of channels."""
 
     @abstractmethod
@@ -203,7 +203,7 @@ class ChunkedFile(MessageFile):
             raise DamagedError("the file has become shorter")
         content = decompress(data, chunk.compression, chunk.size)
         if chunk.crc and zlib.crc32(content) != chunk.crc:
-            raise DamagedError("its checksum is wrong")
+            raise DamagedError("its checksum is wrong", content)
         return content
 
     def _read(
@@ -213,17 +213,22 @@ class ChunkedFile(MessageFile):
         try:
             data = self._load(file, chunk)
         except DamagedError as fault:
-            counts = chunk.counts or {}
+            # All its messages, so that each pass says the same of it.
             losses.add(
                 f"the chunk at byte {chunk.position:,} is damaged: {fault}",
-                messages=sum(count for number, count in counts.items() if number in wanted),
+                messages=self._by_topic(Counter(chunk.counts)),
                 nanoseconds=chunk.end - chunk.start,
                 size=chunk.data_size,
             )
             return
         contents = self._contents(data)
         if contents.fault and not chunk.cut:
-            losses.add(f"the chunk at byte {chunk.position:,} is damaged: {contents.fault}")
+            missing = Counter(chunk.counts)
+            missing.subtract(entry.channel for entry in contents.entries)
+            losses.add(
+                f"the chunk at byte {chunk.position:,} is damaged: {contents.fault}",
+                messages=self._by_topic(+missing),
+            )
         entries = [entry for entry in contents.entries if entry.channel in wanted]
         entries.sort(key=lambda entry: entry.log_time)
         # No copy, which would cost as much as reading.
@@ -234,11 +239,18 @@ class ChunkedFile(MessageFile):
             if isinstance(content, DamagedError):
                 losses.add(
                     f"a message of {channel.topic} is damaged: {content}",
-                    messages=1,
+                    messages={channel.topic: 1},
                     size=stop - start,
                 )
             else:
                 yield Message(channel, log_time, content)
+
+    def _by_topic(self, counts: Mapping[int, int]) -> Counter[str]:
+        """Return counts by channel number as counts by topic."""
+        found: Counter[str] = Counter()
+        for number, count in counts.items():
+            found[self._channels[number].topic if number in self._channels else ""] += count
+        return found
 
     def _learn(self, file: BinaryIO, chunk: Chunk) -> None:
         """Read a chunk if no index says what it holds, or if a channel of it is not defined."""
@@ -248,11 +260,7 @@ class ChunkedFile(MessageFile):
             contents = self._contents(self._load(file, chunk))
         except DamagedError as fault:
             if chunk.counts is None:
-                chunk.counts = {}
-                self._found.add(
-                    f"the chunk at byte {chunk.position:,} is damaged: {fault}",
-                    size=chunk.data_size,
-                )
+                self._count_damaged(chunk, fault)
             return
         entries = contents.entries
         if chunk.counts is None:
@@ -266,6 +274,25 @@ class ChunkedFile(MessageFile):
         if entries:
             chunk.start = min(entry.log_time for entry in entries)
             chunk.end = max(entry.log_time for entry in entries)
+
+    def _count_damaged(self, chunk: Chunk, fault: DamagedError) -> None:
+        """Count the messages of a damaged chunk without an index; report it if none can be."""
+        entries = self._contents(fault.content, define=False).entries
+        if {entry.channel for entry in entries} & self._definitions().keys():
+            # A pass will report it.
+            self._set_counts(chunk, entries)
+            return
+        chunk.counts = {}
+        self._found.add(
+            f"the chunk at byte {chunk.position:,} is damaged: {fault}",
+            messages=len(entries),
+            size=chunk.data_size,
+        )
+
+    def _set_counts(self, chunk: Chunk, entries: Sequence[Entry]) -> None:
+        chunk.counts = dict(Counter(entry.channel for entry in entries))
+        chunk.start = min(entry.log_time for entry in entries)
+        chunk.end = max(entry.log_time for entry in entries)
 
 
 def find(file: BinaryIO, pattern: re.Pattern[bytes], start: int, stop: int) -> Iterator[int]:

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mlscli.io.ros import NANOSECONDS
+from mlscli.words import some
+
+_NAMED = 4
+"""How many topics a line names."""
 
 
 class DamagedError(ValueError):
-    """A part of a file is not what its format says; the message states what was found."""
+    """A part of a file is not what its format says; the message states what was found.
+
+    Parameters
+    ----------
+    fault : str
+    content : bytes, optional
+        What it holds, by which the loss can be counted.
+    """
+
+    def __init__(self, fault: str, content: bytes = b"") -> None:
+        super().__init__(fault)
+        self.content = content
 
 
 @dataclass
@@ -20,35 +37,53 @@ class Losses:
     ----------
     path : Path
         The name of the file in messages to the user.
-    messages, nanoseconds, size : int
-        What is lost, as far as it can be known; `size` in bytes.
+    messages : Counter of str
+        How many messages of each topic are lost, as far as it can be known; "" is an unknown one.
+    nanoseconds, size : int
+        How long a time and how many bytes are lost.
     reasons : list of str
         What is wrong, in the order in which it was found.
     """
 
     path: Path
-    messages: int = 0
+    messages: Counter[str] = field(default_factory=Counter)
     nanoseconds: int = 0
     size: int = 0
     reasons: list[str] = field(default_factory=list)
 
-    def add(self, reason: str, *, messages: int = 0, nanoseconds: int = 0, size: int = 0) -> None:
-        """Add a loss."""
-        self.messages += messages
+    def add(
+        self,
+        reason: str,
+        *,
+        messages: int | Mapping[str, int] = 0,
+        nanoseconds: int = 0,
+        size: int = 0,
+    ) -> None:
+        """Add a loss; messages of one number are of an unknown topic."""
+        self.messages.update({"": messages} if isinstance(messages, int) else messages)
         self.nanoseconds += nanoseconds
         self.size += size
         self.reasons.append(reason)
 
-    def settle(self, came: int, declared: int) -> None:
-        """Compare the number of messages read with the number declared, at the end of a pass."""
-        missing = declared - came
-        if missing > 0 and not self.reasons:
-            self.reasons.append(f"yields {came:,} of {declared:,} messages declared")
-        self.messages = max(self.messages, missing)
+    def settle(self, came: Mapping[str, int], declared: Mapping[str, int]) -> None:
+        """Compare the messages read with those declared, by topic, at the end of a pass."""
+        missing = Counter({topic: declared[topic] - came.get(topic, 0) for topic in declared})
+        if any(count > 0 for count in missing.values()) and not self.reasons:
+            self.reasons.append(
+                f"yields {sum(came.values()):,} of {sum(declared.values()):,} messages declared"
+            )
+        unknown = self.messages.pop("", 0)
+        self.messages |= missing
+        self.messages[""] = max(0, unknown - sum((+missing).values()))
+
+    @property
+    def total(self) -> int:
+        """How many messages are lost."""
+        return sum(self.messages.values())
 
     def copy(self) -> Losses:
         """Return a copy; adding to it leaves the original as it is."""
-        return replace(self, reasons=list(self.reasons))
+        return replace(self, messages=self.messages.copy(), reasons=list(self.reasons))
 
     def lines(self) -> list[str]:
         """Return one line that sums up all losses; an empty list where there are none."""
@@ -57,14 +92,20 @@ class Losses:
         more = len(self.reasons) - 1
         line = f"{self.path}: {self.reasons[0]}"
         if more:
-            line += f", and {more:,} more {'fault' if more == 1 else 'faults'}"
+            line += f", and {some(more, 'more fault')}"
         amounts = [
-            *([_plural(self.messages, "message")] if self.messages else []),
+            *([some(self.total, "message") + self._topics()] if self.total else []),
             *([f"{self.nanoseconds / NANOSECONDS:.3f} s"] if self.nanoseconds else []),
-            *([_plural(self.size, "byte")] if self.size else []),
+            *([some(self.size, "byte")] if self.size else []),
         ]
         return [f"{line}; lost: {', '.join(amounts)}" if amounts else line]
 
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+    def _topics(self) -> str:
+        """Return in brackets how many messages of which topics are lost, where they are known."""
+        known = +self.messages
+        if not known or set(known) == {""}:
+            return ""
+        order = sorted(known.items(), key=lambda item: (not item[0], -item[1], item[0]))
+        named = [f"{count:,} of {topic or 'unknown topics'}" for topic, count in order[:_NAMED]]
+        rest = sum(count for _, count in order[_NAMED:])
+        return f" ({', '.join(named)}{f', {rest:,} of others' if rest else ''})"

@@ -36,6 +36,7 @@ from mlscli.io.containers.mcaprecords import (
     read_summary,
 )
 from mlscli.io.containers.messagetypes import ros2_name
+from mlscli.words import some
 
 _LARGEST_RUN = 1 << 20
 
@@ -174,30 +175,53 @@ class McapFile(ChunkedFile):
         if at == self._size:
             return None
         start = previous.content_at if previous else at + 1
-        if record is not None and chunk_at(file, record) is not None:
+        before = chunk_at(file, previous) if previous else None
+        if before is not None and self._are_its_records(file, before, at):
+            start = at + 1
+        chunk = chunk_at(file, record) if record is not None else None
+        if record is not None and chunk is not None:
+            if self._are_its_records(file, chunk, self._size):
+                return None
             start = record.content_at
         for place in find(file, RECORD_START, start, self._size):
             if is_among_records(file, place, self._size):
                 return place
         return None
 
+    def _are_its_records(self, file: BinaryIO, chunk: Chunk, stop: int) -> bool:
+        """Return whether the records of a chunk go on to an offset, or to the end of the file.
+
+        They can be seen in one that is not compressed: messages, and what defines them.
+        """
+        if chunk.compression:
+            return False
+        at = chunk.data_at
+        while at < stop:
+            record = read_record(file, at)
+            if record is None:
+                return stop == self._size
+            if record.kind not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+                return False
+            at = record.stop
+        return at == stop or stop == self._size
+
     def _break_off(
         self, file: BinaryIO, record: Record | None, last: Chunk | None, at: int
     ) -> None:
         """Record that the file breaks off; keep what there is of a chunk that its end cuts."""
-        if last is not None and not last.bare:
-            # Its indexes may be missing in part.
-            last.counts = None
         whole = sum(not chunk.bare for chunk in self._chunks)
         chunk = (
             chunk_at(file, record) if record is not None and record.kind == Opcode.CHUNK else None
         )
+        if last is not None and not last.bare and chunk is None:
+            # Its indexes may be missing in part; before a chunk they are whole.
+            last.counts = None
         if chunk is not None:
             chunk.data_size, chunk.cut = self._size - chunk.data_at, True
             self._chunks.append(chunk)
         missing = 0 if record is None else record.stop - self._size
         self._found.add(
-            f"breaks off at byte {at:,}{f', after {whole:,} chunks' if whole else ''}",
+            f"breaks off at byte {at:,}" + f", after {some(whole, 'chunk')}" * bool(whole),
             size=missing if missing > 0 else self._size - at,
         )
 
@@ -241,7 +265,7 @@ class McapFile(ChunkedFile):
             if channel is not None:
                 self._recorded.setdefault(channel.id, channel)
 
-    def _contents(self, data: bytes) -> Contents:
+    def _contents(self, data: bytes, *, define: bool = True) -> Contents:
         contents = Contents()
         entries = contents.entries
         at, size = 0, len(data)
@@ -255,7 +279,7 @@ class McapFile(ChunkedFile):
             if kind == Opcode.MESSAGE:
                 number, _, time, _ = MESSAGE_START.unpack_from(data, start)
                 entries.append(Entry(time, number, start + MESSAGE_START.size, stop))
-            elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+            elif define and kind in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._define(kind, data[start:stop])
             at = stop
         return contents

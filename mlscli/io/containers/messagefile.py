@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -83,3 +84,11 @@ class MessageFile(ABC):
                 yield file
         except OSError as error:
             raise InputError(f"{self.name}: cannot be read: {error.strerror or error}") from error
+
+
+def declared(channels: Iterable[Channel]) -> Counter[str]:
+    """Return how many messages channels declare, by topic; each channel counts once."""
+    counts: Counter[str] = Counter()
+    for channel in set(channels):
+        counts[channel.topic] += channel.count or 0
+    return counts

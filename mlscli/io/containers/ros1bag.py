@@ -32,6 +32,7 @@ from mlscli.io.containers.ros1records import (
     read_record,
 )
 from mlscli.io.ros import NANOSECONDS
+from mlscli.words import some
 
 MAGIC = b"#ROSBAG V2.0\n"
 
@@ -123,8 +124,8 @@ class Ros1Bag(ChunkedFile):
 
     def _break_off(self, record: Record | None, last: Chunk | None, at: int) -> None:
         """Record that the file breaks off; keep what there is of a chunk that its end cuts."""
-        if last is not None:
-            # Its index may be missing in part.
+        if last is not None and (record is None or record.op != CHUNK):
+            # Its index may be missing in part; before a chunk it is whole.
             last.counts = None
         whole = len(self._chunks)
         kind, stop = "record", self._size
@@ -137,8 +138,8 @@ class Ros1Bag(ChunkedFile):
                 kind = "chunk"
         declared = self._number(U32, b"chunk_count")
         self._found.add(
-            f"breaks off in the {kind} at byte {at:,}, after {whole:,}"
-            f"{f' of {declared:,}' if declared else ''} chunks",
+            f"breaks off in the {kind} at byte {at:,}, after "
+            + (f"{whole:,} of {some(declared, 'chunk')}" if declared else some(whole, "chunk")),
             size=max(stop, self._number(_U64, b"index_pos")) - self._size,
         )
 
@@ -182,7 +183,7 @@ class Ros1Bag(ChunkedFile):
         )
         self._connections.setdefault(U32.unpack(number)[0], channel)
 
-    def _contents(self, data: bytes) -> Contents:
+    def _contents(self, data: bytes, *, define: bool = True) -> Contents:
         contents = Contents()
         at, size = 0, len(data)
         unpack = U32.unpack_from
@@ -204,7 +205,7 @@ class Ros1Bag(ChunkedFile):
                     contents.entries.append(
                         Entry(seconds * NANOSECONDS + nanoseconds, unpack(number)[0], start, stop)
                     )
-            elif op == CONNECTION:
+            elif define and op == CONNECTION:
                 self._define(fields, data[start:stop])
             at = stop
         return contents

@@ -196,7 +196,7 @@ class Ros2Bag:
         if metadata.messages is None or metadata.messages == count:
             return
         fault = f"{METADATA_FILE} declares {metadata.messages:,} messages, the files hold {count:,}"
-        missing = metadata.messages - count - self._found.messages
+        missing = metadata.messages - count - self._found.total
         if missing > 0:
             self._found.add(fault, messages=missing)
         elif metadata.messages < count:

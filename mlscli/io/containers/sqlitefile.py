@@ -46,6 +46,8 @@ class SqliteFile(MessageFile):
             self._damaged = True
             fault = fault or f"is damaged: {error}"
             definitions = self._read_tables()
+        if self._damaged and not missing and set(np.unique(self._rows.topics)) - definitions.keys():
+            fault = "its table of topics is damaged"
         if self._damaged or self._missing_messages:
             fault = fault or "holds rows that are no messages"
             self._found.add(fault, messages=self._missing_messages, size=missing)
@@ -71,7 +73,10 @@ class SqliteFile(MessageFile):
                 channel = wanted[topic]
                 content = plain(stored, channel.encoding) if isinstance(stored, bytes) else stored
                 if isinstance(content, DamagedError):
-                    losses.add(f"a message of {channel.topic} is damaged: {content}", messages=1)
+                    losses.add(
+                        f"a message of {channel.topic} is damaged: {content}",
+                        messages={channel.topic: 1},
+                    )
                 else:
                     yield Message(channel, time, content)
 
@@ -88,15 +93,26 @@ class SqliteFile(MessageFile):
             names = tables.names()
             # Messages are salvaged even where the entry of their table is lost.
             if not {"topics", *(() if self._damaged else ("messages",))} <= names:
-                listed = ", ".join(sorted(names)[:10]) or "none that can be read"
-                raise InputError(
-                    f"{self.name}: is a SQLite database of the tables {listed}, expected topics "
-                    "and messages, as ROS 2 bags have"
-                )
+                raise InputError(self._without_tables(names))
             channels, rows = tables.channels(), tables.messages()
             self._missing_messages = tables.missing
         self._rows: MessageRows = rows.take(np.argsort(rows.times, kind="stable"))
         return channels
+
+    def _without_tables(self, names: Collection[str]) -> str:
+        """Return the error on a database that lacks the tables of a bag."""
+        listed = ", ".join(sorted(names)[:10])
+        if self._damaged:
+            found = f"the tables {listed}" if listed else "no table"
+            return (
+                f"{self.name}: is a damaged SQLite database, of which {found} can be read; without "
+                "its table of topics nothing says what its messages are"
+            )
+        found = f"of the tables {listed}" if listed else "without tables"
+        return (
+            f"{self.name}: is a SQLite database {found}, expected topics and messages, as ROS 2 "
+            "bags have"
+        )
 
     def _missing_size(self) -> int:
         """Return how many bytes the file is shorter than its header says.

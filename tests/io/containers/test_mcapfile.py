@@ -34,6 +34,7 @@ from tests.helpers.broken import (
     flight,
     mcap_records,
     refusal,
+    told,
     whole_in_mcap,
     write_mcap,
 )
@@ -165,7 +166,53 @@ def test_messages_that_ros_2_compressed_are_decompressed(tmp_path: Path) -> None
     packed[3] = packed[3]._replace(data=packed[3].data[:50])
     file = McapFile(write_mcap(tmp_path / "a.mcap", packed))
     assert content(file) == messages[:3] + messages[4:]
-    assert "lost: 1 message, 50 bytes" in file.losses[0]
+    assert "lost: 1 message (1 of /b), 50 bytes" in file.losses[0]
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_chunk_that_the_end_cuts_is_no_damage_in_the_middle(tmp_path: Path, share: float) -> None:
+    path = write_mcap(tmp_path / "a.mcap", flight(400), chunk_size=10**7)
+    data = path.read_bytes()
+    ((begin, end),) = mcap_records(data, Opcode.CHUNK)
+    size = begin + int(share * (end - begin))
+    path.write_bytes(data[:size])
+
+    file = McapFile(path)
+    assert len(content(file)) > 0.9 * share * 400
+    assert file.losses == [f"{path}: breaks off at byte {begin:,}; lost: {end - size:,} bytes"]
+
+
+def test_an_index_that_the_end_cuts_costs_no_message(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "a.mcap", flight(400), chunk_size=10**7)
+    data = path.read_bytes()
+    ((_, end),) = mcap_records(data, Opcode.CHUNK)
+    path.write_bytes(data[: end + 30])
+
+    file = McapFile(path)
+    assert content(file) == flight(400)
+    (loss,) = file.losses
+    assert loss.startswith(f"{path}: breaks off at byte {end:,}, after 1 chunk; lost: ")
+    assert "message" not in loss
+
+
+@COMPRESSIONS
+def test_each_pass_says_the_same_of_a_damaged_chunk(tmp_path: Path, compression: str) -> None:
+    plainest: dict[str, Any] = {"index_types": IndexType.NONE, "use_statistics": False}
+    for options in ({}, plainest):
+        path = write_mcap(tmp_path / "a.mcap", flight(), compression, **options)
+        data = bytearray(path.read_bytes())
+        start, end = mcap_records(data, Opcode.CHUNK)[4]
+        data[(start + end) // 2] ^= 4
+        path.write_bytes(data)
+        lines = list[str]()
+        for topics in (["/a"], ["/b"], None):
+            file = McapFile(path)
+            content(file, topics)
+            lines += file.losses
+        assert len(lines) == 3
+        assert len(set(lines)) == 1
+        assert "of /a" in lines[0]
+        assert "of /b" in lines[0]
 
 
 @COMPRESSIONS
@@ -203,11 +250,10 @@ def test_a_damaged_chunk_loses_just_that_chunk(tmp_path: Path, compression: str,
     first = messages.index(lost[0])
     assert 0 < len(lost) < 20
     assert messages[:first] + messages[first + len(lost) :] == found
-    told = f"{path}: the chunk at byte {start:,} is damaged"
-    assert file.losses[0].startswith(told)
+    assert file.losses[0].startswith(f"{path}: the chunk at byte {start:,} is damaged")
     if form == "chunks":
         seconds = (lost[-1].log_time - lost[0].log_time) / SECOND
-        assert f"lost: {len(lost)} messages, {seconds:.3f} s" in file.losses[0]
+        assert f"lost: {len(lost)} messages ({told(lost)}), {seconds:.3f} s" in file.losses[0]
 
 
 @pytest.mark.parametrize("form", ["chunks", "no summary"])

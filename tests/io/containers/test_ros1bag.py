@@ -25,6 +25,7 @@ from tests.helpers.broken import (
     content,
     flight,
     refusal,
+    told,
     whole_in_ros1,
     write_ros1,
 )
@@ -184,7 +185,7 @@ def test_a_damaged_chunk_loses_just_that_chunk(tmp_path: Path, compression: str)
     first = messages.index(lost[0])
     assert messages[first : first + len(lost)] == lost
     seconds = (lost[-1].log_time - lost[0].log_time) / SECOND
-    assert f"lost: {len(lost)} messages, {seconds:.3f} s" in bag.losses[0]
+    assert f"lost: {len(lost)} messages ({told(lost)}), {seconds:.3f} s" in bag.losses[0]
     assert str(path) in bag.losses[0]
     # What is not asked for is not told.
     assert content(bag, ["/none"]) == []
@@ -304,4 +305,4 @@ def test_an_index_that_lies_about_a_connection_is_told(tmp_path: Path) -> None:
     bag = Ros1Bag(path)
     assert "/late" in {channel.topic for channel in bag.channels}
     assert content(bag, ["/late"]) == []
-    assert "lost: 1 message" in bag.losses[0]
+    assert ", 1 of /late)" in bag.losses[0]

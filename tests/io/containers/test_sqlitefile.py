@@ -152,6 +152,41 @@ def test_damaged_pages_lose_their_messages_and_no_others(tmp_path: Path, size: i
     assert f"lost: {len(lost)} message" in file.losses[0]
 
 
+def pages(path: Path) -> dict[str, int]:
+    """Return the offset of the first page of each table."""
+    with sqlite3.connect(path) as database:
+        found = dict(database.execute("SELECT name, rootpage FROM sqlite_master"))
+    database.close()
+    return {name: (page - 1) * 4096 for name, page in found.items()}
+
+
+@pytest.mark.parametrize("filled", [b"\0", b"\xff"])
+def test_a_damaged_page_of_the_topics_is_named_as_that(tmp_path: Path, filled: bytes) -> None:
+    path = write_early(tmp_path / "a.db3", flight(200))
+    at, data = pages(path)["topics"], bytearray(path.read_bytes())
+    data[at : at + 4096] = filled * 4096
+    path.write_bytes(data)
+
+    file = SqliteFile(path)
+    assert content(file) == []
+    assert file.losses == [
+        f"{path}: its table of topics is damaged, and 1 more fault; lost: 200 messages"
+    ]
+
+
+def test_where_the_list_of_tables_is_damaged_nothing_is_guessed(tmp_path: Path) -> None:
+    path = write_early(tmp_path / "a.db3", flight(200))
+    data = bytearray(path.read_bytes())
+    data[100:4096] = bytes(3996)
+    path.write_bytes(data)
+
+    _, (told,) = read_or_refused(SqliteFile, path)
+    assert told == (
+        f"{path}: is a damaged SQLite database, of which no table can be read; without its table "
+        "of topics nothing says what its messages are"
+    )
+
+
 def test_rotten_bits_end_in_no_worse_than_a_loss(tmp_path: Path) -> None:
     messages = flight(100)
     path = write_early(tmp_path / "a.db3", messages)
