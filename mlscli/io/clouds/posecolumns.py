@@ -6,7 +6,8 @@
   p_RS_R_x [m], ..., q_RS_w []``; so have topics that were printed as text
   (``field.pose.position.x``).
 - VINS-Mono and VINS-Fusion: eleven columns without a header, ``stamp,x,y,z,qw,qx,qy,qz,vx,vy,vz``.
-  EuRoC's ground truth without its header has seventeen, w first as well.
+  EuRoC's ground truth without its header has seventeen, w first as well; so have poses of other
+  programs whose stamps are whole nanoseconds and which commas part.
 - KITTI: twelve columns, a matrix 3 x 4 row by row, without stamps.
 - ``x y z qx qy qz qw`` without stamps.
 - g2o: ``VERTEX_SE3:QUAT id x y z qx qy qz qw`` or ``VERTEX_SE2 id x y theta``, among other lines.
@@ -23,10 +24,13 @@ import numpy as np
 from mlscli.io.clouds.columns import Layout
 from mlscli.io.clouds.dialect import number
 from mlscli.io.clouds.opening import Opening
+from mlscli.io.plausibility.clocks import SECONDS_BELOW
 from mlscli.runtime.arrays import Float64
 
 POSITION, QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
 TUM = ("stamp", *POSITION, *QUATERNION)
+W_LAST, W_FIRST = "x y z w", "w x y z"
+_EUROC = (*TUM[:4], "qw", "qx", "qy", "qz")
 MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
 
 GRAPH = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
@@ -54,12 +58,13 @@ class PoseColumns(NamedTuple):
     ----------
     layout : Layout
         Of the names in `TUM` or `MATRIX`; without stamp or quaternion where there are none.
-    is_w_first : bool
-        Whether the layout without a header is that of programs that write w first.
+    order : str
+        In which order the numbers of the quaternion are taken to stand, `W_LAST` or `W_FIRST`,
+        where it is told by the format only; empty where they have names, or there are none.
     """
 
     layout: Layout
-    is_w_first: bool = False
+    order: str = ""
 
 
 def by_names(opening: Opening) -> PoseColumns | None:
@@ -74,7 +79,9 @@ def by_names(opening: Opening) -> PoseColumns | None:
     return None
 
 
-def by_numbers(rows: Sequence[Sequence[str]], width: int) -> PoseColumns | None:
+def by_numbers(
+    rows: Sequence[Sequence[str]], width: int, separator: str = ""
+) -> PoseColumns | None:
     """Return the columns that hold poses by their values; None where none do, or it is unclear.
 
     Parameters
@@ -83,25 +90,31 @@ def by_numbers(rows: Sequence[Sequence[str]], width: int) -> PoseColumns | None:
         The fields of the first rows.
     width : int
         How many fields most rows have.
+    separator : str
+        Of the fields; empty for blanks.
     """
     values = _values(rows, width)
     if values is None:
         return None
     in_time = _grow(values[:, 0])
     if width == len(MATRIX) and _are_rotations(values):
-        return PoseColumns(_ordered(MATRIX))
+        return PoseColumns(ordered(MATRIX))
     if width in _W_FIRST and in_time and _are_unit(values[:, 4:8]):
-        return PoseColumns(_ordered((*TUM[:4], "qw", "qx", "qy", "qz")), is_w_first=True)
+        return PoseColumns(ordered(_EUROC), W_FIRST)
     if width >= len(TUM) and in_time and _are_unit(values[:, 4:8]):
-        return PoseColumns(_ordered(TUM))
+        if separator == "," and values[0, 0] >= SECONDS_BELOW:
+            return PoseColumns(ordered(_EUROC), W_FIRST)
+        return PoseColumns(ordered(TUM), W_LAST)
     if width == len(TUM) - 1 and _are_unit(values[:, 3:7]):
-        return PoseColumns(_ordered(TUM[1:]))
+        return PoseColumns(ordered(TUM[1:]), W_LAST)
     return None
 
 
 def by_position(width: int) -> PoseColumns | None:
     """Return the columns of the plain format: stamp x y z, or with a quaternion."""
-    return PoseColumns(_ordered(TUM[:width])) if width in (4, len(TUM)) else None
+    if width not in (4, len(TUM)):
+        return None
+    return PoseColumns(ordered(TUM[:width]), W_LAST if width > 4 else "")
 
 
 def are_poses_of_a_craft(opening: Opening) -> bool:
@@ -131,7 +144,8 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
     )
 
 
-def _ordered(names: Sequence[str]) -> Layout:
+def ordered(names: Sequence[str]) -> Layout:
+    """Return the layout of columns in this order."""
     return Layout({name: place for place, name in enumerate(names)})
 
 

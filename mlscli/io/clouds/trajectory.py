@@ -23,10 +23,12 @@ from mlscli.io.clouds.posecolumns import (
     POSITION,
     QUATERNION,
     TUM,
+    W_FIRST,
     PoseColumns,
     by_names,
     by_numbers,
     by_position,
+    ordered,
 )
 from mlscli.io.clouds.rows import BrokenRowError, blocks, parse, short
 from mlscli.io.plausibility.clocks import in_seconds
@@ -53,6 +55,9 @@ class Trajectory:
         What the user should know about how it was read.
     is_timed : bool
         Whether the stamps are times; otherwise they only count the poses.
+    order : str
+        The order in which the numbers of quaternions are taken to stand, ``x y z w`` or
+        ``w x y z``, where nothing says so; empty where it is known.
     """
 
     path: Path
@@ -61,6 +66,7 @@ class Trajectory:
     attitudes: Float64 | None
     notes: tuple[str, ...] = ()
     is_timed: bool = True
+    order: str = ""
 
     @property
     def route(self) -> Float64:
@@ -115,7 +121,7 @@ def read_trajectory(path: Path) -> Trajectory:
         rows, notes = _rows(path, opening, columns)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if columns.is_w_first:
+    if columns.order == W_FIRST:
         notes.append(f"{path}: the quaternions are taken as w x y z, as VINS and EuRoC write them")
     return _trajectory(path, rows, columns, notes)
 
@@ -130,7 +136,8 @@ def _columns(opening: Opening) -> PoseColumns | None:
     named = by_names(opening)
     if named is not None:
         return named
-    return by_numbers(opening.rows, opening.width) or by_position(opening.width)
+    separator = opening.dialect.separator
+    return by_numbers(opening.rows, opening.width, separator) or by_position(opening.width)
 
 
 def _rows(path: Path, opening: Opening, columns: PoseColumns) -> tuple[Float64, list[str]]:
@@ -176,9 +183,7 @@ def _of_graph(path: Path) -> Trajectory:
                     "a pose"
                 ) from None
             poses.append((name, *pose))
-    layout = by_position(len(TUM))
-    assert layout is not None
-    return _trajectory(path, np.array(poses), layout, [], is_timed=False)
+    return _trajectory(path, np.array(poses), PoseColumns(ordered(TUM)), [], is_timed=False)
 
 
 def _trajectory(
@@ -224,4 +229,5 @@ def _trajectory(
         None if attitudes is None else unit(attitudes[order]),
         tuple(notes),
         is_timed,
+        columns.order if attitudes is not None else "",
     )

@@ -224,6 +224,8 @@ class Recording:
             moves = self._placing.moves_with_craft(cloud.frame_id)
             if moves:
                 cloud = replace(cloud, points=sieve.returned(cloud.points))
+            else:
+                cloud = sieve.plausible(cloud)
             placed = self._placing.place(source, cloud)
             if isinstance(placed, str):
                 tally.leave_out(placed, len(cloud.points))
@@ -420,9 +422,9 @@ def open_recording(
         _glance=glance,
     )  # fmt: skip
     if up == AUTO:
-        found = _find_up(recording)
+        found, order_note = _find_up(recording)
         recording._upright, recording._objection = Upright.found(found), ""
-        notes.append(found.summary)
+        notes += [order_note, found.summary] if order_note else [found.summary]
     return recording
 
 
@@ -434,10 +436,13 @@ def _opened(source: str | os.PathLike[str] | Array, reading: Reading) -> Source:
     return open_source(Path(source), reading)
 
 
-def _find_up(recording: Recording) -> Up:
-    """Find the vertical of a recording, in an extra pass; what to crop is not known yet."""
+def _find_up(recording: Recording) -> tuple[Up, str]:
+    """Find the vertical of a recording, in an extra pass, and what was doubtful about attitudes.
+
+    What to crop is not known yet.
+    """
     selection = replace(recording._selection, crop=None)
     whole, witness = replace(recording, _selection=selection, _cumulative=False), Witness(FINDING)
     for _ in whole._clouds(witness):
         pass
-    return witness.find_up(recording._trajectory)
+    return witness.find_up(recording._trajectory), witness.order_note

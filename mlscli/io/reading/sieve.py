@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from mlscli.io.plausibility.piles import pile, without_zeros
 from mlscli.io.reading.tally import NO_RETURN, NOT_FINITE, REPEATED, Tally
 from mlscli.io.source import Cloud
 from mlscli.parameters.lengths import FARTHEST
@@ -17,6 +19,10 @@ if TYPE_CHECKING:
 
 _Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
 # Why points are dropped, and a function that returns for points (N, 3) which are kept, (N,).
+
+
+_LOOKED_AT = 32
+"""So many clouds, and one in so many of the others, are looked at for piles."""
 
 
 class Sieve:
@@ -53,6 +59,25 @@ class Sieve:
     def returned(self, points: Float64) -> Float64:
         """Return points (N, 3), in their sensor's frame, without those at exactly (0, 0, 0)."""
         return self._kept(points, NO_RETURN, _on_any_axis(points != 0))
+
+    def plausible(self, cloud: Cloud) -> Cloud:
+        """Return a cloud, in a frame that is no sensor's, without points that pile up at zero.
+
+        Of points that pile up elsewhere `Tally` is told, but for clouds that need not be looked at.
+        """
+        found = without_zeros(cloud.points)
+        kept = found.accepted(ValueError)
+        if found.note:
+            self._tally.zeros += len(kept) - int(np.count_nonzero(kept))
+            cloud = replace(cloud, points=self._kept(cloud.points, NO_RETURN, kept))
+        if self._tally.keyframes <= _LOOKED_AT or not self._tally.keyframes % _LOOKED_AT:
+            piled = pile(cloud.points)
+            if piled.value and not self._tally.pile:
+                self._tally.pile = (
+                    f"{piled.note}, {piled.value:,} of the {len(cloud.points):,} of keyframe "
+                    f"{self._tally.keyframes - 1:,}"
+                )
+        return cloud
 
     def measured(self, points: Float64, cloud: Cloud) -> Float64:
         """Return the points that are measured and pass the filters.

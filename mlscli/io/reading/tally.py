@@ -47,6 +47,10 @@ class Tally:
         What the clock said before and after each jump, in seconds.
     times : list of (float, float)
         The stamps of the first keyframes read, and when they were recorded, in seconds.
+    zeros : int
+        Points dropped at exactly (0, 0, 0), though not in a sensor's frame.
+    pile : str
+        Where points pile up otherwise; empty where none were seen to.
     """
 
     points_read: int = 0
@@ -58,6 +62,8 @@ class Tally:
     timed: bool = False
     jumps: list[tuple[float, float]] = field(default_factory=list)
     times: list[tuple[float, float]] = field(default_factory=list)
+    zeros: int = 0
+    pile: str = ""
 
     @property
     def has_times(self) -> bool:
@@ -75,7 +81,7 @@ class Tally:
         self.drop(reason, points)
 
     def notes(self) -> Iterator[str]:
-        """Yield what the user should know about which keyframes came."""
+        """Yield what the user should know about which keyframes and points came."""
         for reason, count in self.left_out.items():
             yield f"{count:,} of {self.keyframes:,} keyframes are left out: {_WHY[reason]}"
         if self.jumps:
@@ -83,6 +89,11 @@ class Tally:
                 f"the clock of the clouds jumps {told(self.jumps)}; `start` and `end` count on by "
                 "the times of recording, and no pose before a jump counts after it"
             )
+
+        if self.zeros:
+            yield f"{self.zeros:,} points pile up at exactly (0, 0, 0): no measurements, dropped"
+        if self.pile:
+            yield f"{self.pile}: no measurements, perhaps; all are taken"
 
     def drop(self, reason: str, points: int) -> None:
         """Count dropped points under a reason."""

@@ -26,12 +26,18 @@ class Witness:
     ----------
     size : int
         The most points that are kept.
+
+    Attributes
+    ----------
+    order_note : str
+        In which order the quaternions of a trajectory are taken, where that was doubtful.
     """
 
     def __init__(self, size: int) -> None:
         from mlscli.geometry.surroundings import PointSample
 
         self._sample = PointSample(size)
+        self.order_note = ""
         self._positions: list[tuple[float, float, float]] = []
         self._attitudes: dict[Axes, list[tuple[float, float, float, float]]] = {}
 
@@ -58,16 +64,17 @@ class Witness:
         """
         from mlscli.geometry.vertical import find_up
 
-        return find_up(self._sample.points, **self._of_craft(trajectory))
+        points = self._sample.points
+        return find_up(points, **self._of_craft(trajectory, points))
 
     def objection(self, upright: Upright, trajectory: Trajectory | None) -> str:
         """Return what speaks against the axis by which the points are turned; empty: nothing."""
         from mlscli.geometry.objection import objection
 
         points = upright.recorded(self._sample.points) + 0.0
-        return objection(upright.up, points, **self._of_craft(trajectory))
+        return objection(upright.up, points, **self._of_craft(trajectory, points))
 
-    def _of_craft(self, trajectory: Trajectory | None) -> dict[str, Any]:
+    def _of_craft(self, trajectory: Trajectory | None, points: Float64) -> dict[str, Any]:
         """Return where the craft was, its attitudes, and whose axes these are of."""
         route = np.array(self._positions).reshape(-1, 3)
         axes: Axes = next((a for a in ("camera", "body") if a in self._attitudes), "unknown")
@@ -75,5 +82,26 @@ class Witness:
         if trajectory is not None:
             route = trajectory.positions
             if axes == "unknown" and trajectory.attitudes is not None:
-                attitudes = trajectory.attitudes
+                attitudes = self._in_order(trajectory, trajectory.attitudes, points)
         return {"route": route, "attitudes": attitudes, "axes": axes}
+
+    def _in_order(self, trajectory: Trajectory, attitudes: Float64, points: Float64) -> Float64:
+        """Return attitudes in the order that the scene tells, where the file does not."""
+        from mlscli.geometry.quaternions import CERTAIN, favour, otherwise
+
+        if not trajectory.order:
+            return attitudes
+        others = otherwise(attitudes, trajectory.order)
+        weight = favour(points, trajectory.positions, attitudes, others)
+        order = trajectory.order
+        if weight < -CERTAIN:
+            order, attitudes = "w x y z" if order == "x y z w" else "x y z w", others
+            why = f"the scene contradicts {trajectory.order}"
+        else:
+            why = "the scene does not tell"
+        if abs(weight) < CERTAIN or order != trajectory.order:
+            self.order_note = (
+                f"{trajectory.path}: the quaternions are taken as {order}: {why}; a first line "
+                "that names the columns, such as stamp x y z qw qx qy qz, says which it is"
+            )
+        return attitudes

@@ -248,6 +248,35 @@ def test_each_format_is_read_as_a_route_and_refused_as_a_cloud(tmp_path: Path, n
         list(TextCloud(tmp_path / "traj.txt").clouds())
 
 
+@pytest.mark.parametrize(
+    ("content", "order"),
+    [
+        (FORMATS["TUM"], "x y z w"),
+        (FORMATS["OpenVINS"], ""),
+        (FORMATS["VINS"], "w x y z"),
+        # VINS-Fusion with its loops closed, and ground truth of motion capture without its header.
+        (written(f"{{ns}} {XYZ} {WXYZ}").replace(" ", ",").replace("\n", ",\n"), "w x y z"),
+        (written(f"{{ns}} {XYZ} {WXYZ}").replace(" ", ","), "w x y z"),
+        (written(f"{{ns}} {XYZ} {XYZW}"), "x y z w"),
+        (written(f"{{t}} {XYZ} {XYZW}").replace(" ", ","), "x y z w"),
+        ("# stamp x y z qw qx qy qz\n" + written(f"{{t}} {XYZ} {WXYZ}"), ""),
+        (written(f"{{t}} {XYZ}"), ""),
+    ],
+)
+def test_the_order_of_a_quaternion_without_names_is_that_of_the_programs_that_write_so(
+    tmp_path: Path, content: str, order: str
+) -> None:
+    trajectory = read(tmp_path, content)
+
+    assert trajectory.order == order
+    if trajectory.attitudes is not None:
+        expected = [turned(n) for n in range(6)]
+        np.testing.assert_allclose(trajectory.attitudes, expected, atol=1e-12)
+    assert ["w x y z" in note for note in trajectory.notes if "taken as w" in note] == [True] * (
+        order == "w x y z"
+    )
+
+
 def kitti(n: int) -> str:
     c, s = np.cos(n / 57.5), np.sin(n / 57.5)
     return f"{c} {-s} 0 {n / 2} {s} {c} 0 {n % 2 + 0.25} 0 0 1 1.5\n"

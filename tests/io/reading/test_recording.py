@@ -285,3 +285,22 @@ def test_text_is_read_without_the_libraries_for_bags_and_kernels(tmp_path: Path)
     )
 
     assert run.stdout.strip() == "[]"
+
+
+def test_points_that_pile_up_at_zero_are_dropped_in_every_frame_and_elsewhere_told(
+    tmp_path: Path,
+) -> None:
+    scene = np.random.default_rng(4).uniform(1, 5, (60, 3))
+    zeros = np.concatenate((scene, np.zeros((20, 3))))
+    bag = write_bag(tmp_path / "flight.bag", [Sent(zeros), Sent(scene)])
+    cloud_path = text(tmp_path, "".join(f"{x} {y} {z}\n" for x, y, z in zeros.tolist()))
+    for recording in (open_recording(bag), open_recording(cloud_path)):
+        assert all(np.array_equal(cloud, scene) for cloud in clouds_of(recording))
+        assert recording.tally.dropped == {"no return": 20}
+        assert any("20 points pile up at exactly (0, 0, 0)" in note for note in recording.notes)
+    # As moved by a node, with the others.
+    bag = write_bag(tmp_path / "moved.bag", [Sent(scene), Sent(zeros + 1)])
+    recording = open_recording(bag)
+    assert [len(cloud) for cloud in clouds_of(recording)] == [60, 80]
+    (note,) = [note for note in recording.notes if "pile up" in note]
+    assert "at (1, 1, 1) exactly, 20 of the 80 of keyframe 1" in note

@@ -252,3 +252,42 @@ def test_a_glance_may_doubt_as_well(tmp_path: Path) -> None:
     path = tower(tmp_path / "tower")
 
     assert len(doubts(open_recording(path, glance=Glance(points=900)))) == 1
+
+
+@pytest.mark.parametrize("turn", [60, 150])
+@pytest.mark.parametrize("w", ["first", "last"])
+def test_the_scene_tells_the_order_of_quaternions_that_no_name_tells(
+    tmp_path: Path, w: str, turn: float
+) -> None:
+    ground = np.concatenate((grid(10, 6, 0.2), grid(10, 2, 0.25)[:, [0, 2, 1]] + (0, 6, 0)))
+    path = written(tmp_path, ground + np.random.default_rng(6).normal(0, 0.01, ground.shape))
+    trajectory = tmp_path / "flight.tum"
+    lines = []
+    for n in range(12):
+        angles = (0.5 + n % 2, -0.5 + n % 3, turn * n / 11)
+        attitude = Rotation.from_euler("xyz", angles, degrees=True).as_quat()
+        numbers = np.roll(attitude, 1) if w == "first" else attitude
+        lines.append(f"{n} {0.8 * n} 2 5 {' '.join(map(str, numbers))}\n")
+    trajectory.write_text("".join(lines))
+    recording = open_recording(path, up="auto", route=trajectory)
+
+    assert degrees_from(recording, Z) < 3
+    told = [note for note in recording.notes if "the quaternions are taken as w x y z" in note]
+    assert len(told) == (w == "first")
+    assert doubts(open_recording(path, route=trajectory)) == []
+
+
+def test_an_order_of_quaternions_that_nothing_tells_is_noted_with_the_way_to_say_it(
+    tmp_path: Path,
+) -> None:
+    path, trajectory = written(tmp_path, room()), tmp_path / "room.tum"
+    # A turn about the diagonal of all axes is the same in either order.
+    trajectory.write_text("".join(f"{n} {1 + n * 0.8} 3 1 0.5 0.5 0.5 0.5\n" for n in range(11)))
+    named = "stamp x y z qx qy qz qw\n"
+    recording = open_recording(path, up="auto", route=trajectory)
+
+    (note,) = [note for note in recording.notes if "quaternions" in note]
+    assert "taken as x y z w: the scene does not tell; a first line that names the columns" in note
+    trajectory.write_text(named + trajectory.read_text())
+    recording = open_recording(path, up="auto", route=trajectory)
+    assert not any("quaternions" in note for note in recording.notes)

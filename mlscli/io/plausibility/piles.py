@@ -1,0 +1,64 @@
+"""Points that coincide: what a sensor reports where it has measured nothing.
+
+Many drivers and exports leave (0, 0, 0) there, whatever the frame, and many nodes move it with the
+other points. Measured points seldom have the same coordinates, to the last bit, and where they do,
+as the corners of triangles or those of a coarse grid, others do as often.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlscli.io.plausibility.finding import Finding, doubted, right
+from mlscli.runtime.arrays import Bool, Float64
+
+_FEWEST, _SHARE = 3, 0.01
+"""So many points at exactly (0, 0, 0), and this share of the cloud, are no single point."""
+
+_FEWEST_ELSEWHERE, _SHARE_ELSEWHERE = 10, 0.05
+"""The same of another place, which a sample must show."""
+
+_OFTENER = 5
+"""A pile has so many times the points of other places."""
+
+_SAMPLE = 64
+"""Points that are compared with each other."""
+
+
+def without_zeros(points: Float64) -> Finding[Bool]:
+    """Return which points (N, 3) can be measurements: all, or all but those at (0, 0, 0).
+
+    The latter, doubted, where many are there and others do not coincide alike.
+    """
+    if np.count_nonzero(points[:, 0]) == len(points):
+        return right(np.ones(len(points), dtype=np.bool_))
+    others = np.asarray(points.any(axis=1))
+    zeros = len(points) - int(np.count_nonzero(others))
+    if zeros < max(_FEWEST, _SHARE * len(points)) or zeros < _OFTENER * _alike(points[others]):
+        return right(np.ones(len(points), dtype=np.bool_))
+    return doubted(others, "points at exactly (0, 0, 0) pile up and are no measurements")
+
+
+def pile(points: Float64) -> Finding[int]:
+    """Return how many points (N, 3) lie at one place, in doubt; 0 where none pile up."""
+    some = points[:: max(1, len(points) // _SAMPLE)]
+    order = np.lexsort(some.T)
+    some = some[order]
+    (equal,) = np.nonzero((some[1:] == some[:-1]).all(axis=1))
+    if not len(equal):
+        return right(0)
+    place = some[equal[len(equal) // 2]]
+    here = (points == place).all(axis=1)
+    count = int(np.count_nonzero(here))
+    least = max(_FEWEST_ELSEWHERE, _SHARE_ELSEWHERE * len(points), _OFTENER * _alike(points[~here]))
+    if count < least:
+        return right(0)
+    x, y, z = (f"{number:.6g}" for number in place.tolist())
+    return doubted(count, f"points pile up at ({x}, {y}, {z}) exactly")
+
+
+def _alike(points: Float64) -> int:
+    """Return how many of the first points coincide at most; 1 where none do."""
+    some = points[: 16 * _SAMPLE]
+    counts = np.unique(some, axis=0, return_counts=True)[1] if len(some) else np.ones(1)
+    return int(counts.max())
