@@ -18,6 +18,7 @@ from mlscli.io.clouds.dialect import number
 from mlscli.io.clouds.opening import Opening
 from mlscli.io.clouds.rows import short
 from mlscli.runtime.arrays import Float64
+from mlscli.words import are, some
 
 # Coordinates are below it, and time stamps mostly above.
 _LEAST_STAMP = 1e8
@@ -72,13 +73,21 @@ def _by_header(path: Path, opening: Opening) -> Layout:
                 return layout
     if named:
         raise InputError(
-            f"{path}: found a header that names {named} columns, and rows of {opening.width}; "
+            f"{path}: found a header that names {some(named, 'column')}, and {_widths(opening)}; "
             "`columns` says what they hold"
         )
     raise InputError(
         f"{path}: found {opening.headers[0][:60]!r} before the first point, expected "
         "numbers or a header that names x, y and z once each"
     )
+
+
+def _widths(opening: Opening) -> str:
+    """Return how many columns rows have: all, or most of the first ones."""
+    widths = {len(row) for row in opening.rows}
+    if len(widths) == 1:
+        return f"rows of {opening.width}"
+    return f"rows of {min(widths)} to {max(widths)}, most of them of {opening.width}"
 
 
 def _bounds(opening: Opening, names: Sequence[str]) -> tuple[int, int]:
@@ -96,7 +105,9 @@ def _by_position(path: Path, opening: Opening) -> Layout:
     layout.guessed = guessed
     if opening.width > len(layout.places):
         count = opening.width - len(layout.places)
-        layout.notes.append(unused_note(path, f"{count} columns after x, y, z are"))
+        layout.notes.append(
+            unused_note(path, f"{some(count, 'column')} after x, y, z {are(count)}")
+        )
     return layout
 
 

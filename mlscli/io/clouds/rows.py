@@ -68,13 +68,18 @@ class BrokenRowError(Exception):
         What was found and expected there.
     name : str
         The column that is at fault; empty where it is the whole line.
+    is_written_so : bool
+        Whether it shows that the text is written in another way than was thought.
     """
 
-    def __init__(self, line: int, fault: str, name: str = "") -> None:
+    def __init__(
+        self, line: int, fault: str, name: str = "", *, is_written_so: bool = False
+    ) -> None:
         super().__init__(fault)
         self.line = line
         self.fault = fault
         self.name = name
+        self.is_written_so = is_written_so
 
 
 def blocks(file: TextIO, line: int = 1) -> Iterator[tuple[int, str]]:
@@ -99,7 +104,13 @@ def blocks(file: TextIO, line: int = 1) -> Iterator[tuple[int, str]]:
         line += text.count("\n")
 
 
-def parse(text: str, dialect: Dialect, layout: Layout, after_blank: bool) -> Rows:
+def parse(
+    text: str,
+    dialect: Dialect,
+    layout: Layout,
+    after_blank: bool,
+    broken: list[BrokenRowError] | None = None,
+) -> Rows:
     """Parse the rows of a block.
 
     Parameters
@@ -111,11 +122,15 @@ def parse(text: str, dialect: Dialect, layout: Layout, after_blank: bool) -> Row
         The columns that are wanted.
     after_blank : bool
         Whether a blank line precedes the block.
+    broken : list of BrokenRowError, optional
+        Takes the rows that are broken, which are then left out.
 
     Raises
     ------
     BrokenRowError
-        A row lacks a wanted column or has too many, or holds no number there.
+        A row lacks a wanted column or has too many, or holds no number there; with `broken`, only
+        where it shows that the text is written in another way, or that the fourth column, taken
+        as the keyframe, is none.
     """
     values = alike(text, dialect, list(layout.places.values()))
     if values is not None and not _lacks_keyframes(values, list(layout.places)):
@@ -126,14 +141,18 @@ def parse(text: str, dialect: Dialect, layout: Layout, after_blank: bool) -> Row
     starting: list[bool] = []
     odd = 0
     for index, line in enumerate(text.removesuffix("\n").split("\n")):
-        if len(line) > LONGEST_ROW and not is_comment(line):
-            found = f"found a line of more than {LONGEST_ROW} characters"
-            raise BrokenRowError(index, f"{found}, expected a line for each point")
-        words = dialect.fields(line)
-        if not words:
+        words = dialect.fields(line) if len(line) <= LONGEST_ROW else [""]
+        if not words or (len(line) > LONGEST_ROW and is_comment(line)):
             after_blank = after_blank or is_blank(line)
             continue
-        points.append(_picked(words, layout, index, line))
+        try:
+            points.append(_picked(words, layout, index, line))
+        except BrokenRowError as fault:
+            is_guess = layout.guessed and fault.name == "keyframe"
+            if broken is None or fault.is_written_so or is_guess:
+                raise
+            broken.append(fault)
+            continue
         starting.append(after_blank)
         after_blank = False
         odd += len(words) != dialect.width
@@ -198,6 +217,9 @@ def _are_even(marks: Int64, ends: Int64, each: int) -> bool:
 
 def _picked(words: Sequence[str], layout: Layout, index: int, line: str) -> list[float]:
     """Return the wanted numbers of a row."""
+    if len(line) > LONGEST_ROW:
+        found = f"found a line of more than {LONGEST_ROW} characters"
+        raise BrokenRowError(index, f"{found}, expected a line for each point")
     found = f"{len(words)} column{'s' if len(words) > 1 else ''} ({short(line.strip())})"
     if layout.most is not None and not layout.least <= len(words) <= layout.most:
         raise BrokenRowError(index, f"found {found}, expected the {layout.most} of the header")
@@ -213,9 +235,9 @@ def _picked(words: Sequence[str], layout: Layout, index: int, line: str) -> list
             value = None
         if value is None or (name == "keyframe" and not math.isfinite(value)):
             fault = f"found {short(word) or 'nothing'} as {name}, expected a number"
-            if has_decimal_comma(word):
-                fault += " with a decimal point"
-            raise BrokenRowError(index, fault, name)
+            with_comma = has_decimal_comma(word)
+            fault += " with a decimal point" * with_comma
+            raise BrokenRowError(index, fault, name, is_written_so=with_comma)
         picked.append(value)
     return picked
 

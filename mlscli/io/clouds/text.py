@@ -8,8 +8,8 @@ Points with the same value in the column keyframe form a keyframe, in order of f
 Without that column, points with the same time form one, unless most have a time of their own.
 Otherwise blank lines separate keyframes.
 
-A line that holds no point is an error. Only a last line without a newline may be broken: there the
-text was cut.
+A line that holds no point is a loss, unless it is the first one, half of all lines are so, or it
+has decimal commas. A broken last line without a newline shows that the text was cut.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from mlscli.io.clouds.rows import LONGEST_ROW, BrokenRowError, Rows, blocks, par
 from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.io.source import Cloud, rows_by_first_appearance
 from mlscli.runtime.arrays import Array, Float64, Int64
+from mlscli.words import some
 
 
 class TextCloud(PointFile):
@@ -125,6 +126,7 @@ class _Parser:
         self.opening = read_opening(path)
         self.notes: list[str] = []
         self.losses: list[str] = []
+        self._broken, self._first_fault = 0, ""
         if not self.opening.rows:
             if self.opening.headers:
                 layout_of(path, self.opening)
@@ -143,12 +145,19 @@ class _Parser:
         Raises
         ------
         InputError
-            A line is broken.
+            No more than half of the lines can be read, or not the first one.
         """
         parts = list(self._parts())
+        rows = sum(len(part.values) for part in parts)
+        if self._broken and self._broken >= rows:
+            raise InputError(self._first_fault)
         if not parts:
             raise InputError(f"{self.path}: holds no points; {self.losses[0]}")
-        rows = sum(len(part.values) for part in parts)
+        if self._broken:
+            self.losses.append(
+                f"{self._first_fault}; {self._broken:,} of {some(rows + self._broken, 'row')} "
+                "cannot be read"
+            )
         odd = sum(part.odd for part in parts)
         names = list(self.layout.places)
         notes = [*self.layout.notes, *self.notes]
@@ -167,8 +176,8 @@ class _Parser:
             notes.append(
                 f"{self.path}: declares {declared:,} points and holds {rows:,}; all are read"
             )
-        elif declared is not None and rows < declared:
-            self.losses.append(shortfall(self.path, rows, declared))
+        elif declared is not None and rows + self._broken < declared:
+            self.losses.append(shortfall(self.path, rows + self._broken, declared))
         # Blocks read before the fourth column turned out to be no keyframe still hold it.
         values = np.concatenate([part.values[:, : len(names)] for part in parts])
         labels: Array = np.cumsum(np.concatenate([part.after_blank for part in parts]))
@@ -200,16 +209,26 @@ class _Parser:
             yield self._rows(last, line, after_blank)
 
     def _rows(self, text: str, line: int, after_blank: bool) -> Rows:
-        """Return the rows of a block, or raise the error that names its broken line."""
+        """Return the rows of a block; count broken ones, or raise the error on one."""
+        broken: list[BrokenRowError] = []
         try:
-            rows = parse(text, self.opening.dialect, self.layout, after_blank)
-        except BrokenRowError as broken:
-            if self.layout.guessed and broken.name == "keyframe":
+            rows = parse(text, self.opening.dialect, self.layout, after_blank, broken)
+        except BrokenRowError as fault:
+            if self.layout.guessed and fault.name == "keyframe":
                 return self._without_keyframe(text, line, after_blank)
-            raise InputError(f"{self.path}:{line + broken.line}: {broken.fault}") from None
+            raise InputError(self._at(line, fault)) from None
         if self.layout.guessed and not _all_whole(rows.values[:, 3]):
             return self._without_keyframe(text, line, after_blank)
+        if broken and line + broken[0].line == self.opening.first_line + 1:
+            # No point came before: it may be a header, of another format.
+            raise InputError(self._at(line, broken[0]))
+        if broken:
+            self._first_fault = self._first_fault or self._at(line, broken[0])
+            self._broken += len(broken)
         return rows
+
+    def _at(self, line: int, broken: BrokenRowError) -> str:
+        return f"{self.path}:{line + broken.line}: {broken.fault}"
 
     def _without_keyframe(self, text: str, line: int, after_blank: bool) -> Rows:
         """Return the rows of a block whose fourth column shows that it is no keyframe."""

@@ -147,8 +147,8 @@ def test_any_other_word_is_no_number(tmp_path: Path, word: str) -> None:
     assert not is_number(word)
     with pytest.raises(ValueError):  # noqa: PT011
         number(word)
-    with pytest.raises(InputError, match=r"cloud.txt:3: found .* as y, expected a number"):
-        read(tmp_path, f"0;0;0\n1;2;3\n1;{word};3\n5;6;7\n")
+    with pytest.raises(InputError, match=r"cloud.txt:1: found .* as y, expected a number"):
+        read(tmp_path, f"1;{word};3\n5;6;7\n5;6;7\n")
 
 
 @given(st.floats(allow_nan=False), st.sampled_from([repr, "{:.3f}".format, "{:e}".format]))

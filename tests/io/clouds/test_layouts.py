@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from mlscli.errors import InputError
+from mlscli.io.clouds import rows as rows_module
 from mlscli.io.clouds.opening import read_opening
 from mlscli.io.clouds.text import TextCloud
 from tests.helpers.texts import clouds_of, one_cloud, read, text
@@ -117,10 +118,50 @@ def test_a_cut_text_is_read_as_far_as_it_goes(tmp_path: Path, end: str, fault: s
     (loss,) = cloud.losses
     assert f"cloud.txt:5: found {fault.removeprefix('found ')}" in loss
     assert "the text seems to be cut there" in loss
-    # With a newline after it, it is no cut.
-    if "\0" not in end:
-        with pytest.raises(InputError, match=r"cloud\.txt:5"):
-            read(tmp_path, "1.5 2.5 3.5 9 9\n" * 4 + "1.5 x 2 3 4\n")
+
+
+@pytest.mark.parametrize("block", [1 << 22, 40])
+@pytest.mark.parametrize(
+    "line", ["1.5 x 2 3 4", "WARN: buffer full", "1.5", "\0" * 30, "7" * 70_000]
+)
+def test_a_broken_line_in_the_middle_is_a_loss(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, block: int
+) -> None:
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", block)
+    good = [f"{k}.5 2.5 3.5 9 9" for k in range(8)]
+    for at in (1, 5, 8):
+        lines = [*good[:at], line, "# a comment", line, *good[at:]]
+        cloud = TextCloud(text(tmp_path, "\n".join(lines) + "\n"))
+
+        assert [each.points.tolist() for each in cloud.clouds()] == [
+            [[k + 0.5, 2.5, 3.5] for k in range(8)]
+        ]
+        (loss,) = cloud.losses
+        assert loss.startswith(f"{cloud.path}:{at + 1}: found ")
+        assert loss.endswith("; 2 of 10 rows cannot be read")
+
+
+@pytest.mark.parametrize("times", [4, 5, 50])
+def test_a_text_of_which_half_the_lines_are_broken_is_none(tmp_path: Path, times: int) -> None:
+    content = "1.5 2.5 3.5\n" * 4 + "1.5 2.5 abc\n" * times
+    with pytest.raises(InputError, match=r"cloud\.txt:5: found 'abc' as z, expected a number"):
+        read(tmp_path, content)
+    (cloud,) = read(tmp_path, content + "1.5 2.5 3.5\n" * times)
+    assert len(cloud.points) == 4 + times
+
+
+@pytest.mark.parametrize("line", ["ncols 4 7", "1.5 2,5 3.5"])
+def test_what_shows_another_format_is_no_loss(tmp_path: Path, line: str) -> None:
+    good = "1.5 2.5 3.5\n" * 9
+    content = line + "\n" + good if line.startswith("n") else good + line + "\n" + good
+    with pytest.raises(InputError, match=r"cloud\.txt:(1|10): found"):
+        read(tmp_path, content)
+
+
+def test_rows_that_differ_are_not_said_to_be_alike(tmp_path: Path) -> None:
+    content = "x,y,z\n" + "1,2,3,4\n" * 5 + "1,2,3,4,5\n"
+    with pytest.raises(InputError, match="names 3 columns, and rows of 4 to 5, most of them of 4"):
+        read(tmp_path, content)
 
 
 def test_a_last_row_is_taken_only_if_no_declared_one_is_missing_after_it(tmp_path: Path) -> None:
