@@ -4,6 +4,14 @@ Seen from one place, the inverse depth of a plane is linear in the direction. So
 inverse depth differs from the linear fit to the points in the directions around it shows how much
 inverse depths err, wherever its own depth has come to lie. Errors of triangulation are alike in
 inverse depth: their standard deviation is that of a depth of 1.
+
+What bends, and what is rough, differs from the fit as well, the more of it the farther away it is.
+So there is a second witness. Points that lie together were often seen from different distances. If
+depths err as those of triangulation do, those seen from afar lie farther off the plane through them
+all; if errors are the same everywhere, they do not, however rough the surface is.
+
+Nothing depends on which axis is up, nor on the order of the points of a keyframe: points are taken
+by the rank of their depths.
 """
 
 from __future__ import annotations
@@ -13,11 +21,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlscli.geometry.surroundings import chosen
 from mlscli.keyframes.batches import FARTHEST
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.pipeline.report import Report
-from mlscli.runtime.arrays import Float64
+from mlscli.runtime.arrays import Float64, Int64
 
 # Keyframes are taken together until they have so many points, as long as the craft is no farther
 # from where it was than this share of the depth in the middle.
@@ -29,10 +36,22 @@ _AROUND, _FOLLOWED, _FITS = 12, 9, 4
 # The quartile of the absolute values of a standard normal distribution: moved little by the edges
 # of surfaces and by wrong correspondences.
 _QUARTILE = 0.3186394
-# So many depths tell how they err; their errors grow at least with this power of the depth, from
-# depths to others so many times as great.
-_ENOUGH, _LEAST_POWER, _LEAST_SPREAD = 300, 0.9, 1.5
+# So many depths tell how they err, if some of them are so many times as great as others.
+_ENOUGH, _LEAST_SPREAD = 300, 1.5
 _PARTS = 10
+# Errors grow with such a power of the depth: 2 in truth, less where surfaces bend, never more than
+# the last. The second witness is heard so many times as loud, and counts up to so much.
+_LEAST_POWER, _MOST_POWER = 1.1, 2.5
+_LOUDER, _HEARD = 8.0, 0.1
+# For it so many points are kept, or up to twice as many, and so many of them are asked.
+_KEPT, _QUESTIONED = 30_000, 1500
+# The points that lie together, and how many of them the plane follows.
+_TOGETHER_IN_SPACE, _ON_PLANE = 24, 16
+# They lie on a surface if they spread less, by this share of the variance along its shorter side;
+# those off it by so many times the median do not count.
+_FLAT, _OFF = 0.25, 9.0
+# Logarithms of less than this share of the median say nothing.
+_LEAST_OFF = 0.135
 
 
 class DepthNoise:
@@ -42,6 +61,10 @@ class DepthNoise:
         self._waiting: list[Keyframe] = []
         self._size = 0
         self._found: list[Float64] = []
+        # One of so many points, with the way from the craft to each.
+        self._kept: list[Float64] = []
+        self._every = 1
+        self._passed = self._room = 0
 
     def add(self, keyframe: Keyframe) -> None:
         """Take the next keyframe; only those with points and a position tell anything."""
@@ -73,7 +96,8 @@ class DepthNoise:
         errors = [np.quantile(error[part] * depth[part] ** 2, 0.25) for part in parts]
         if places[-1] - places[0] < np.log(_LEAST_SPREAD) or not min(errors) > 0.0:
             return 0.0
-        if np.polyfit(places, np.log(errors), 1)[0] < _LEAST_POWER:
+        power = np.polyfit(places, np.log(errors), 1)[0]
+        if not power <= _MOST_POWER or power + _LOUDER * self._second < _LEAST_POWER:
             return 0.0
         return float(f"{np.quantile(error, 0.25) / _QUARTILE:.1e}")
 
@@ -83,15 +107,42 @@ class DepthNoise:
         moved = np.subtract(keyframe.position, first.position)
         return bool(np.linalg.norm(moved) <= _APART * depth)
 
+    @property
+    def _second(self) -> float:
+        """What the second witness says, from -`_HEARD` to `_HEARD`."""
+        rows = np.concatenate([np.empty((0, 6)), *self._kept])
+        return float(np.clip(_growth_nearby(rows[:, :3], rows[:, 3:]), -_HEARD, _HEARD))
+
     def _look(self) -> None:
         """Note the errors and depths of the waiting keyframes' points, as seen from the first."""
         points = np.concatenate([keyframe.points for keyframe in self._waiting])
-        rays = chosen(points, _MOST_POINTS) - self._waiting[0].position
+        sights = np.concatenate([each.points - each.position for each in self._waiting])
+        rays = points - self._waiting[0].position
         self._waiting, self._size = [], 0
         depth = np.linalg.norm(rays, axis=1)
-        rays, depth = rays[depth > 0.0], depth[depth > 0.0]
-        if len(depth) > _AROUND:
+        order = np.lexsort((*points.T, depth))
+        order = order[depth[order] > 0.0]
+        self._keep(np.column_stack((points[order], sights[order])))
+        order = order[_evenly(len(order), _MOST_POINTS)]
+        if len(order) > _AROUND:
+            rays, depth = rays[order], depth[order]
             self._found.append(np.column_stack(_errors(rays / depth[:, None], depth)))
+
+    def _keep(self, rows: Float64) -> None:
+        """Keep one of so many points, half of what is kept once it is too much."""
+        self._kept.append(rows[-self._passed % self._every :: self._every])
+        self._passed += len(rows)
+        self._room += len(self._kept[-1])
+        while self._room > 2 * _KEPT:
+            self._kept = [np.concatenate(self._kept)[::2]]
+            self._every *= 2
+            self._room = len(self._kept[0])
+
+
+def _evenly(size: int, most: int) -> Int64:
+    """Return `most` of `size` ranks, or all, evenly spaced."""
+    count = min(size, most)
+    return np.arange(count) * size // max(count, 1)
 
 
 def auto_noise(keyframes: Iterable[Keyframe]) -> float:
@@ -136,7 +187,7 @@ def _errors(ahead: Float64, depth: Float64) -> tuple[Float64, Float64]:
     """
     from scipy.spatial import cKDTree
 
-    asked = np.arange(0, len(ahead), max(1, len(ahead) // _MOST_ASKED))[:_MOST_ASKED]
+    asked = _evenly(len(ahead), _MOST_ASKED)
     nearest = cKDTree(ahead).query(ahead[asked], k=_AROUND + 1)[1][:, 1:]
     # Two axes across each direction.
     level = np.column_stack((-ahead[asked, 1], ahead[asked, 0], np.zeros(len(asked))))
@@ -171,3 +222,64 @@ def _linear(places: Float64, values: Float64, weight: Float64) -> Float64:
     right = np.einsum("nkp,nk->np", weighted, values)
     solved: Float64 = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
     return solved
+
+
+def _growth_nearby(points: Float64, sights: Float64) -> float:
+    """Return with which power points lie off their surfaces, among those that lie together.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+    sights : float64 (N, 3)
+        The ways from the craft to them.
+
+    Returns
+    -------
+    float
+        The mean of two powers: of the square of the distance, and of this times the cosine between
+        the sight and the normal, as errors of depth have it. 0 where nothing tells; it is less than
+        1, as the points themselves choose the plane.
+    """
+    from scipy.spatial import cKDTree
+
+    distance = np.linalg.norm(sights, axis=1)
+    points, sights = points[distance > 0.0], sights[distance > 0.0]
+    if len(points) < _ENOUGH:
+        return 0.0
+    order = np.argsort(distance[distance > 0.0], kind="stable")
+    asked = order[_evenly(len(order), _QUESTIONED)]
+    near = cKDTree(points).query(points[asked], k=_TOGETHER_IN_SPACE)[1]
+    # Measured from the point asked: coordinates may be large.
+    around, seen = points[near] - points[asked, None], sights[near]
+    weight = np.ones(near.shape)
+    for _ in range(_FITS):
+        share = weight / weight.sum(axis=1, keepdims=True)
+        offsets = around - np.einsum("nki,nk->ni", around, share)[:, None]
+        variances, axes = np.linalg.eigh(np.einsum("nki,nkj,nk->nij", offsets, offsets, share))
+        off = np.abs(np.einsum("nki,ni->nk", offsets, axes[:, :, 0]))
+        weight = (np.argsort(np.argsort(off, axis=1), axis=1) < _ON_PLANE).astype(np.float64)
+    usual = np.median(off, axis=1, keepdims=True)
+    flat = (variances[:, 0] < _FLAT * variances[:, 1]) & (usual[:, 0] > 0.0)
+    if not flat.any():
+        return 0.0
+    off, usual, seen = off[flat], usual[flat], seen[flat]
+    far = np.linalg.norm(seen, axis=2)
+    slant = np.abs(np.einsum("nki,ni->nk", seen, axes[flat, :, 0])) / far
+    counts = (off < _OFF * usual).astype(np.float64)
+    error = _centred(np.log(np.maximum(off, _LEAST_OFF * usual)), counts)
+    square = _centred(2.0 * np.log(far), counts)
+    upright = square + _centred(np.log(np.maximum(slant, 0.05)), counts)
+    powers = [_slope(cause, error) for cause in (square, upright)]
+    return sum(powers) / len(powers)
+
+
+def _centred(values: Float64, weight: Float64) -> Float64:
+    """Return values (N, K) less the mean of their row, times their weight."""
+    mean = (values * weight).sum(axis=1) / np.maximum(weight.sum(axis=1), 1.0)
+    centred: Float64 = (values - mean[:, None]) * weight
+    return centred
+
+
+def _slope(cause: Float64, effect: Float64) -> float:
+    square = float((cause * cause).sum())
+    return float((cause * effect).sum()) / square if square > 0.0 else 0.0

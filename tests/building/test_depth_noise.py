@@ -1,7 +1,8 @@
 """How depths err is found from what was seen from the same places.
 
 How one could cheat: take the noise from neighbours in space, which it has chosen; let wrong
-correspondences or edges count; call any scatter noise of depths; depend on which way is north.
+correspondences or edges count; call any scatter noise of depths; depend on which way is north or
+up, or on the order of points; let everything be found, or nothing.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from mlscli.building import depth_noise
 from mlscli.building.build import build_map
-from mlscli.building.depth_noise import auto_noise
+from mlscli.building.depth_noise import DepthNoise, auto_noise
 from mlscli.building.large import build_large
 from mlscli.config import load
 from mlscli.io.reading.recording import open_recording
@@ -40,7 +43,10 @@ def test_it_is_what_the_flight_was_made_with(scene: str) -> None:
 
 
 def test_it_is_none_where_errors_do_not_grow_with_the_depth() -> None:
-    assert auto_noise(flight("thesis", 0.05).keyframes) == 0.0
+    for scene in ("house", "tunnel", "bridge-gap", "parking"):
+        assert auto_noise(flight("thesis", 0.05, scene).keyframes) == 0.0
+        only_heights = Noise("thesis", Scatter(0.0, 0.05), 0.1)
+        assert auto_noise(fly(make(scene), 0.15, only_heights, seed=4).keyframes) == 0.0
     assert auto_noise(flight("slam", 0.0, wrong=0.0).keyframes) == 0.0
 
 
@@ -63,16 +69,60 @@ def test_it_is_none_where_nothing_tells() -> None:
     assert auto_noise([Keyframe(shell, position=(0.0, 0.0, 0.0))]) == 0.0
 
 
-def test_neither_turns_nor_keyframes_cut_in_two_change_much() -> None:
+@pytest.mark.parametrize("about", [(0.0, 0.0, 90.0), (2.0, 0.0, 0.0), (31.0, -74.0, 118.0)])
+def test_it_does_not_depend_on_the_axes(about: tuple[float, float, float]) -> None:
+    turn = Rotation.from_euler("xyz", about, degrees=True).as_matrix()
+    for seen in (flight("slam", 0.05).keyframes, flight("thesis", 0.05, "tunnel").keyframes):
+        turned = [
+            Keyframe(k.points @ turn.T, k.stamp, tuple((turn @ k.position).tolist())) for k in seen
+        ]
+        assert auto_noise(turned) == auto_noise(seen)
+
+
+def test_it_does_not_depend_on_the_order_of_points_and_little_on_how_keyframes_are_cut() -> None:
     seen = flight("slam", 0.05).keyframes
     noise = auto_noise(seen)
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turned = [
-        Keyframe(k.points @ turn.T, k.stamp, tuple((turn @ k.position).tolist())) for k in seen
-    ]
-    assert auto_noise(turned) == pytest.approx(noise, rel=0.05)
+    rng = np.random.default_rng(5)
+    mixed = [Keyframe(rng.permutation(k.points), k.stamp, k.position) for k in seen]
+    assert auto_noise(mixed) == noise
     halves = [Keyframe(k.points[i::2], k.stamp, k.position) for k in seen for i in (0, 1)]
     assert auto_noise(halves) == pytest.approx(noise, rel=0.25)
+
+
+def rough(sigma: float, noise: float, seed: int) -> list[Keyframe]:
+    """Return a flight at one height over ground that is rough, and steps down behind its middle."""
+    rng = np.random.default_rng(seed)
+    keyframes = []
+    for x in np.arange(0.0, 40.0, 0.5):
+        ground = rng.uniform((x - 9, -9), (x + 9, 9), (80, 2))
+        height = np.where(ground[:, 0] > 20, -1.5, 0.0) + rng.normal(0, sigma, 80)
+        craft = np.array([x, 0.0, 6.0])
+        sight = np.column_stack([ground, height]) - craft
+        depth = np.linalg.norm(sight, axis=1)
+        wrong = 1 + rng.normal(0, noise, 80) * depth
+        keyframes.append(Keyframe(craft + sight * wrong[:, None], position=(x, 0.0, 6.0)))
+    return keyframes
+
+
+def test_rough_ground_is_no_noise_of_depths() -> None:
+    for seed in range(5):
+        assert auto_noise(rough(0.15, 0.0, seed)) == 0.0
+        assert 0.8 * 0.006 < auto_noise(rough(0.05, 0.006, seed)) < 2 * 0.006
+
+
+def test_of_a_long_recording_some_points_are_kept_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = flight("slam", 0.05).keyframes
+    noise = auto_noise(seen)
+    monkeypatch.setattr(depth_noise, "_KEPT", 500)
+    looked_at = DepthNoise()
+    for keyframe in seen:
+        looked_at.add(keyframe)
+    assert looked_at.value == noise
+    total = sum(len(keyframe.points) for keyframe in seen)
+    kept = np.concatenate(looked_at._kept)
+    assert 500 <= len(kept) <= 1000 < total
+    # One of 2, 4, 8, ... of them, from the first to the last.
+    assert total / len(kept) == pytest.approx(2 ** round(np.log2(total / len(kept))), rel=0.01)
 
 
 def test_a_build_finds_it_and_says_so_whatever_memory_it_may_take(tmp_path: Path) -> None:
