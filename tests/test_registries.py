@@ -132,6 +132,10 @@ PCD = (
 
 PTS = "".join(f"{line} -100 1 2 3\n" for line in LINES.splitlines())
 
+PTX = "60\n10\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" + "".join(
+    f"{line} 0.5\n" for line in LINES.splitlines()
+)
+
 EXAMPLES: dict[str, Callable[[Path], Path]] = {
     "ROS 1 bag": bag("ros1"),
     "ROS 2 bag": bag("ros2"),
@@ -142,6 +146,7 @@ EXAMPLES: dict[str, Callable[[Path], Path]] = {
     "PLY": written(f"{PLY}end_header\n{LINES}"),
     "PCD": written(f"{PCD}{LINES}"),
     "PTS": written(f"600\n{PTS}"),
+    "PTX": written(PTX),
     "LAS": las,
     "COLMAP model": colmap,
     "OpenSfM": opensfm,

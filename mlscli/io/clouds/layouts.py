@@ -137,7 +137,9 @@ def _doubt(path: Path, opening: Opening) -> list[str]:
     if grows and (first >= _LEAST_STAMP).all():
         _refuse(path, opening, f"times ({first[0]:.10g})", "t,x,y,z")
     steps = np.diff(first)
-    is_index = bool((steps == 1).all()) and first[0] in (0, 1)
+    # Rows of a raster count up along one axis, and stay the same along the other.
+    moves = bool((np.ptp(leading[:, 1:3], axis=0) > 0).all())
+    is_index = bool((steps == 1).all()) and (first[0] in (0, 1) or moves)
     whole = (leading == np.floor(leading)).all(axis=0).tolist()
     if is_index and opening.width > 3 and not any(whole[1:3]):
         _refuse(path, opening, f"numbers of rows ({first[0]:.0f}, {first[1]:.0f}, ...)", "-,x,y,z")
@@ -159,12 +161,16 @@ def _doubt_note(path: Path, found: str, columns: str) -> str:
 
 
 def _leading(rows: Sequence[Sequence[str]], count: int) -> Float64 | None:
-    """Return the first numbers of rows; None where they are too few to tell anything."""
+    """Return the first numbers of rows, NaN for words; None where they are too few to tell."""
+    values = np.array([[_number(word) for word in row[:count]] for row in rows])
+    return values if len(rows) >= _LEAST_ROWS and np.isfinite(values[:, :3]).all() else None
+
+
+def _number(word: str) -> float:
     try:
-        values = np.array([[number(word) for word in row[:count]] for row in rows])
+        return number(word)
     except ValueError:
-        return None
-    return values if len(rows) >= _LEAST_ROWS and np.isfinite(values).all() else None
+        return float("nan")
 
 
 def _refuse(path: Path, opening: Opening, found: str, columns: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.io.plausibility.counts import count_of
+from mlscli.io.plausibility.degrees import are_lengths
 from mlscli.io.source import (
     Cloud,
     StampedPoses,
@@ -25,6 +26,9 @@ from mlscli.io.source import (
 )
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Array, Float64
+
+_LOOKED_AT = 10_000
+"""Points whose coordinates are looked at."""
 
 
 class Content(NamedTuple):
@@ -124,9 +128,20 @@ class PointFile(ABC):
     @cached_property
     def _content(self) -> Content:
         try:
-            return self._read()
+            content = self._read()
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read: {error.strerror or error}") from error
+        note = _doubt(content.clouds)
+        return content._replace(notes=[*content.notes, f"{self.path}: {note}"]) if note else content
+
+
+def _doubt(clouds: Sequence[Cloud]) -> str:
+    """Return what is doubtful about the coordinates of all clouds; empty where nothing is."""
+    total = sum(len(cloud.points) for cloud in clouds)
+    some = [cloud.points[:: total // _LOOKED_AT + 1] for cloud in clouds]
+    points = np.concatenate(some) if some else np.empty((0, 3))
+    points = points[np.isfinite(points).all(axis=1)]
+    return are_lengths(points.min(axis=0), points.max(axis=0)).note if len(points) else ""
 
 
 def wanted_fields(path: Path, names: Iterable[str]) -> list[int] | None:

@@ -68,6 +68,14 @@ def same_clock(clouds: Float64, poses: Float64) -> Finding[float]:
         are under way. 0 where they were not recorded together, or nothing is steady.
     """
     clouds, poses = _known(clouds), _known(poses)
+    if len(clouds) >= _FEWEST and len(poses) and np.ptp(poses[:, 0]) >= _SHORTEST:
+        lasted = clouds[-1, 1] - clouds[0, 1]
+        if lasted >= _SHORTEST and not np.ptp(clouds[:, 0]):
+            return doubted(
+                0.0,
+                f"all clouds bear one stamp, {clouds[0, 0]:.3f} s, though they were recorded over "
+                f"{lasted:.1f} s",
+            )
     delays = _delay(clouds), _delay(poses)
     if np.isnan(delays).any():
         return right(0.0)

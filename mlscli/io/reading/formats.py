@@ -193,10 +193,10 @@ def _is_pts(_: Path, head: bytes) -> bool:
 
 
 def _is_ptx(_: Path, head: bytes) -> bool:
-    """Return whether a file begins like a PTX: columns, rows, a pose of seven lines."""
-    lines = [line.split() for line in head.split(b"\n", 10)[:10]]
-    widths = [len(words) for words in lines]
-    return widths == [1, 1, 3, 3, 3, 3, 4, 4, 4, 4] and lines[0][0].isdigit()
+    """Return whether a file begins with the header of a PTX: counts, a pose, a matrix."""
+    from mlscli.io.clouds.ptx import is_ptx
+
+    return is_ptx(head)
 
 
 def _is_pcd(_: Path, head: bytes) -> bool:
@@ -242,7 +242,7 @@ FORMATS = (
         _reader("pcd", "PcdCloud"),
         listed=".pcd",
     ),
-    Format("a PTX scan", _is_ptx),
+    Format("PTX", _is_ptx, _reader("ptx", "PtxCloud"), listed=".ptx"),
     Format("PTS", _is_pts, _reader("pts", "PtsCloud"), listed=".pts"),
     Format("LAS", _starting(b"LASF"), _reader("las", "LasCloud"), listed=".las and .laz"),
     Format(

@@ -63,6 +63,11 @@ def test_missing_values_at_the_end_are_no_missing_columns(tmp_path: Path) -> Non
             [1, 2, 0],
         ),
         ("".join(f"{n} 1.5 {n / 7} 2.5\n" for n in range(6)), "-,x,y,z", [1.5, 0, 2.5]),
+        (
+            "".join(f"{1001 + n},{n}.5,{n / 7},2.5,GRND\n" for n in range(6)),
+            "-,x,y,z",
+            [0.5, 0, 2.5],
+        ),
         ("".join(f"{n};0.5;{n}.5;3.25;9\n" for n in range(1, 7)), "-,x,y,z", [0.5, 1.5, 3.25]),
     ],
 )

@@ -83,3 +83,13 @@ def test_stamps_of_two_clocks_are_told_by_their_delays(
 def test_delays_that_tell_no_clocks_apart_are_passed_over(clouds: Float64, poses: Float64) -> None:
     assert same_clock(clouds, poses).note == ""
     assert same_clock(poses, clouds).note == ""
+
+
+def test_clouds_that_all_bear_one_stamp_are_told() -> None:
+    clouds = recorded(0.1, count=10)
+    clouds[:, 0] = 1003
+
+    assert "all clouds bear one stamp, 1003.000 s" in same_clock(clouds, recorded(0.1)).note
+    # Keyframes of one message, and clouds of which nothing moves with the time.
+    assert same_clock(clouds[:1].repeat(5, axis=0), recorded(0.1)).note == ""
+    assert same_clock(clouds, recorded(0.1, count=1)).note == ""
