@@ -19,6 +19,7 @@ from mlscli.errors import InputError, expect
 from mlscli.maps.cells import Limits, pack, unpack
 from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt8, UInt64, frozen
 from mlscli.runtime.kernels import kernel
+from mlscli.runtime.sorting import place_of
 
 # Counts stop here.
 MOST_LINES = 255
@@ -208,7 +209,7 @@ def _found(
     """
     found = np.zeros(len(keys), dtype=np.uint8)
     for n in range(len(keys)):
-        cell = np.searchsorted(cells, keys[n])
+        cell = place_of(cells, keys[n])
         if cell == len(cells) or cells[cell] != keys[n]:
             continue
         begin, end = start[cell], start[cell + 1]

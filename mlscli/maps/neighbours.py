@@ -63,10 +63,10 @@ def sought(ix: Int32, iy: Int32, cell: int, x: Index, y: Index) -> int:
 def beside(ix: Int32, iy: Int32) -> Int64:
     """Return the numbers of the cells at -x, +x, -y, +y of each, int64 (C, 4); -1: none."""
     four = np.empty((len(ix), 4), dtype=np.int64)
-    four[:, 0] = shifted(ix, iy, -1, 0)
-    four[:, 1] = shifted(ix, iy, 1, 0)
-    four[:, 2] = shifted(ix, iy, 0, -1)
-    four[:, 3] = shifted(ix, iy, 0, 1)
+    for side in range(4):
+        found = shifted(ix, iy, (side == 1) - (side == 0), (side == 3) - (side == 2))
+        for cell in range(len(ix)):
+            four[cell, side] = found[cell]
     return four
 
 

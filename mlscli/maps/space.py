@@ -10,6 +10,7 @@ from mlscli.maps.free_space import voxels_at
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8, UInt64
 from mlscli.runtime.kernels import kernel
+from mlscli.runtime.sorting import place_of
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 
@@ -73,7 +74,7 @@ def _taken(
     """
     taken = np.zeros(len(keys), dtype=np.bool_)
     for n in range(len(keys)):
-        cell = np.searchsorted(cells, keys[n])
+        cell = place_of(cells, keys[n])
         if cell < len(cells) and cells[cell] == keys[n]:
             for patch in range(start[cell], start[cell + 1]):
                 taken[n] |= low[patch] <= iz[n] <= high[patch]

@@ -106,10 +106,9 @@ def _ground_below(
                         continue
                     cell = sought(ix, iy, -1, x + dx, y + dy)
                     if is_at(ix, iy, cell, x + dx, y + dy):
-                        z = height[start[cell] : start[cell + 1]]
-                        below = np.searchsorted(z, craft_z[k], side="right")
-                        if below > 0:
-                            highest = max(highest, z[below - 1])
+                        for z in height[start[cell] : start[cell + 1]]:
+                            if z <= craft_z[k]:
+                                highest = max(highest, z)
             if highest > -np.inf:
                 ground[k] = highest
                 break

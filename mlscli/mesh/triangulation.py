@@ -31,6 +31,7 @@ from mlscli.maps.neighbours import shifted
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Bool, Float64, Int64
 from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.sorting import sort_along
 
 NONE = -1
 EAST, NORTH, WEST, SOUTH = range(4)
@@ -147,7 +148,8 @@ def _joints(
                         z = high[other]
                         if not is_upright[other] and z - low[patch] > reach < high[patch] - z:
                             met.append(z)
-            ends = np.sort(np.array(met, dtype=np.float64))
+            ends = np.array(met, dtype=np.float64)
+            sort_along(ends, ends)
             first = 0
             for i in range(len(ends)):
                 if i + 1 == len(ends) or ends[i + 1] - ends[i] > reach:

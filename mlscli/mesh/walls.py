@@ -26,6 +26,7 @@ from mlscli.mesh.colours import SNAP, origin_at
 from mlscli.mesh.triangulation import NONE, Nodes
 from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8
 from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.sorting import place_of
 
 ACROSS_EDGES = ((1, 0), (0, 1))
 ACROSS_CORNERS = ((1, 1), (1, -1))
@@ -331,7 +332,7 @@ def _climb(lines: _NodesByPatch, pairs: Int64, ends: Float64) -> tuple[Int64, Bo
 def _at(lines: _NodesByPatch, line: int, height: float) -> int:
     """Return the position of the vertex of a line that is nearest to a height."""
     begin, end = lines.start[line], lines.start[line + 1]
-    above: int = begin + np.searchsorted(lines.height[begin:end], height)
+    above: int = begin + place_of(lines.height[begin:end], height)
     if above == begin:
         return above
     if above == end or height - lines.height[above - 1] < lines.height[above] - height:

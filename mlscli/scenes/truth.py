@@ -25,6 +25,7 @@ from mlscli.maps.patches import linked, runs, shapes_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Float64, Int64, UInt64
 from mlscli.runtime.kernels import kernel
+from mlscli.runtime.sorting import sort_along
 from mlscli.scenes.footprints import Footprints, cells_spanned, footprints
 from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
 from mlscli.version import __version__
@@ -256,7 +257,7 @@ def _stretches(
         marks = np.empty(2 * (end - begin))
         for i in range(begin, end):
             marks[2 * (i - begin)], marks[2 * (i - begin) + 1] = low[i], high[i]
-        marks = np.sort(marks)
+        sort_along(marks, marks)
         reaches = False
         for m in range(len(marks) - 1):
             bottom, top = marks[m], marks[m + 1]

@@ -19,6 +19,7 @@ from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
 from mlscli.pipeline.stages.point_grid import first_from
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64, UInt8, UInt64
 from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.sorting import place_of
 from mlscli.runtime.threads import in_ranges
 
 # How near a flight must come to a point of a scan to have seen it, in distances.
@@ -206,7 +207,7 @@ def first_within(keys: UInt64, column: int, box: _Box) -> int:
         if box[0] <= ix and box[2] <= iy <= box[3]:
             return column
         following = max(ix + (iy > box[3]), box[0])
-        column += int(np.searchsorted(keys[column:], key_of(following, box[2])))
+        column += place_of(keys[column:], key_of(following, box[2]))
     return len(keys)
 
 

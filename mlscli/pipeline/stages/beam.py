@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.maps.cells import key_of
+from mlscli.pipeline.stages.nearest import nth_of
 from mlscli.pipeline.stages.point_grid import (
     SHORT_POINTS,
     PointGrid,
@@ -27,6 +28,7 @@ from mlscli.pipeline.stages.point_grid import (
 )
 from mlscli.runtime.arrays import Float64
 from mlscli.runtime.kernels import inner
+from mlscli.runtime.sorting import place_of
 
 # Rows of a buffer: offsets across the ray, depth beyond the point, squared distance from the ray.
 LEVEL, ACROSS, DEPTH, SQUARED = range(4)
@@ -123,7 +125,7 @@ def around(
     size = 0
     first_y, last_y = int(np.floor((y - far_y) / side)), int(np.floor((y + far_y) / side))
     for ix in range(int(np.floor((x - far_x) / side)), int(np.floor((x + far_x) / side)) + 1):
-        column = np.searchsorted(keys, key_of(ix, first_y))
+        column = place_of(keys, key_of(ix, first_y))
         last = key_of(ix, last_y)
         while column < len(keys) and keys[column] <= last:
             left, lower = corner(keys[column], side)
@@ -256,5 +258,12 @@ def crossing(
             size += 1
     if size < needed:
         return np.nan
-    beyond = np.median(near[SQUARED, :size])
+    found = near[SQUARED]
+    beyond = nth_of(found, found, size, size // 2)
+    if size % 2 == 0:
+        # The lesser half stands before it.
+        lower = found[0]
+        for j in range(size // 2):
+            lower = max(lower, found[j])
+        beyond = (lower + beyond) / 2
     return beyond / steps if abs(beyond) <= close else np.nan

@@ -134,7 +134,7 @@ def _nearest(near: Float64, size: int, limit: float, max_nb: int) -> tuple[int, 
     if 0 < max_nb < n:
         # No such limit was found, mostly for equal distances.
         among = squared[:size][squared[:size] <= limit]
-        limit = _nth(among, heights, n, max_nb - 1)
+        limit = nth_of(among, heights, n, max_nb - 1)
         n = max_nb
     return n, limit
 
@@ -152,7 +152,7 @@ def _within(squared: Float64, size: int, limit: float) -> int:
 def middle(heights: Float64, others: Float64, n: int) -> float:
     """Return the element at index ``n // 2`` of the first n heights as sorted; reorders both."""
     if n > _FEW_HEIGHTS:
-        return _nth(heights, others, n, n // 2)
+        return nth_of(heights, others, n, n // 2)
     for place in range(n // 2 + 1):
         least = heights[place]
         for j in range(place + 1, n):
@@ -163,11 +163,11 @@ def middle(heights: Float64, others: Float64, n: int) -> float:
 
 
 @inner
-def _nth(values: Float64, others: Float64, n: int, nth: int) -> float:
+def nth_of(values: Float64, others: Float64, n: int, nth: int) -> float:
     """Return the element at index `nth` of the first n values as sorted (quickselect).
 
     Lesser values are moved before it, each along with its element of `others`; equal values are
-    ordered by these.
+    ordered by these. Both may be the same array.
     """
     begin, end = 0, n
     while True:

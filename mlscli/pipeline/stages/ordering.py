@@ -7,13 +7,14 @@ they need: cells that lie close together, as in most recordings, are sorted in t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlscli.maps.order import OccupiedCells
-from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt64
+from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt32, UInt64
 from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.sorting import sort_along
 from mlscli.runtime.threads import LIGHT, in_ranges
 
 # About so many points make a band: they can be sorted in the cache.
@@ -105,8 +106,8 @@ def _put_into_bands(ix: Int32, most: int, order: Array) -> Int64:
     """
     least, shift, bands = 0, 0, 1
     if most > 1:
-        least = int(ix.min())
-        width = int(ix.max()) - least
+        least, greatest = _ends(ix)
+        width = int(greatest) - int(least)
         while width >> shift >= most:
             shift += 1
         bands = (width >> shift) + 1
@@ -166,7 +167,7 @@ def _order_bands(
         for i, number in enumerate(numbers):
             x[i], y[i], fetched[i] = ix[number], iy[number], z[number]
         keys, shift = _packed(x, y, fetched)
-        keys, places = _sorted(keys, np.arange(end - begin).astype(np.uint32))
+        keys, places = _sorted(keys, _numbers(end - begin))
         for i in range(end - begin):
             order[begin + i], heights[begin + i] = numbers[places[i]], fetched[places[i]]
         start = _starts(keys, np.uint64(shift), begin)
@@ -188,17 +189,35 @@ def _packed(x: Int32, y: Int32, z: Float64) -> tuple[UInt64, int]:
     keys = np.empty(len(x), dtype=np.uint64)
     if len(x) == 0:
         return keys, 0
-    least_x, least_y, lowest = int(x.min()), int(y.min()), z.min()
-    width_y = _bits(int(y.max()) - least_y)
-    width = width_y + _bits(int(x.max()) - least_x)
+    (west, east), (south, north), (lowest, highest) = _ends(x), _ends(y), _ends(z)
+    width_y = _bits(int(north) - int(south))
+    width = width_y + _bits(int(east) - int(west))
     shift = min(64, -(-(width + _ROUGHLY) // _BITS) * _BITS) - width
-    extent = z.max() - lowest
+    extent = highest - lowest
     steps = (2.0**shift - 1) / extent if 1e-200 < extent < 1e200 else 0.0
     for i in range(len(keys)):
-        cell = (np.int64(x[i]) - least_x) << width_y | (np.int64(y[i]) - least_y)
+        cell = (np.int64(x[i]) - west) << width_y | (np.int64(y[i]) - south)
         rough = (z[i] - lowest) * steps if steps > 0 else 0.0
         keys[i] = np.uint64(cell) << np.uint64(shift) | np.uint64(rough)
     return keys, shift
+
+
+@inner
+def _ends(values: Array) -> tuple[Any, Any]:
+    """Return the least and the greatest value."""
+    least, greatest = values[0], values[0]
+    for value in values:
+        least, greatest = min(least, value), max(greatest, value)
+    return least, greatest
+
+
+@inner
+def _numbers(size: int) -> UInt32:
+    """Return the numbers from 0 on, uint32 (size,)."""
+    numbers = np.empty(size, dtype=np.uint32)
+    for i in range(size):
+        numbers[i] = i
+    return numbers
 
 
 @inner
@@ -274,7 +293,5 @@ def _ascend(start: Int64, order: Array, heights: Float64) -> None:
             heights[j], order[j] = height, point
             patience -= i - j
             if patience < 0:
-                unsorted, points = heights[begin:end].copy(), order[begin:end].copy()
-                for place, rank in enumerate(np.argsort(unsorted)):
-                    heights[begin + place], order[begin + place] = unsorted[rank], points[rank]
+                sort_along(heights[begin:end], order[begin:end])
                 break

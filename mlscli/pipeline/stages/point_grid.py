@@ -15,6 +15,7 @@ from mlscli.maps.cells import cell_of, pack
 from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
 from mlscli.runtime.arrays import Array, Float64, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.sorting import place_of
 from mlscli.runtime.threads import in_ranges
 
 _IN_EACH = 5
@@ -148,7 +149,7 @@ def columns_around(grid: PointGrid, column: int, around: Int64) -> int:
     for dx in (-1, 0, 1):
         # The three columns of one dx follow each other in memory.
         key = grid.keys[column] + np.uint64(np.int64(dx) << 32)
-        there = np.searchsorted(grid.keys, key - np.uint64(1))
+        there = place_of(grid.keys, key - np.uint64(1))
         while there < len(grid.keys) and grid.keys[there] <= key + np.uint64(1):
             around[size] = there
             size += 1

@@ -34,6 +34,7 @@ from mlscli.maps.cells import on_grid
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
 from mlscli.pipeline.stages.beam import ROOM, ROWS, SQUARED, Ray, Seen, around, crossing
+from mlscli.pipeline.stages.nearest import nth_of
 from mlscli.pipeline.stages.point_grid import PointGrid
 from mlscli.pipeline.stages.stage import Evaluated, Fault, PointStage
 from mlscli.runtime.arrays import Bool, Float64
@@ -211,7 +212,8 @@ def _move(
                 near, size = around(grid, seen, ray, i, (rule.depth, radius, rule.across), near)
             limit, count = radius * radius, size
             if size > rule.max_nb:
-                limit = np.partition(near[SQUARED, :size], rule.max_nb - 1)[rule.max_nb - 1]
+                squared = near[SQUARED, :size].copy()
+                limit = nth_of(squared, squared, size, rule.max_nb - 1)
                 found = np.sqrt(limit)
                 count = 0
                 for j in range(size):
