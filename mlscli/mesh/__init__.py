@@ -235,8 +235,10 @@ def _nodes(nodes: Nodes, triangles: Int64 | None = None) -> _Piece:
     else:
         used = np.zeros(len(nodes.patch), dtype=np.bool_)
         used[triangles] = True
-    number = np.cumsum(used) - 1
     offset = np.zeros((np.count_nonzero(used), 2))
+    if used.all():
+        return _Piece(nodes.patch, nodes.height, offset, triangles)
+    number = np.cumsum(used) - 1
     return _Piece(nodes.patch[used], nodes.height[used], offset, number[triangles])
 
 
@@ -273,12 +275,22 @@ def _assemble(
     patch = np.concatenate([piece.patch for piece in pieces])
     height = np.concatenate([piece.height for piece in pieces])
     offset = np.concatenate([piece.offset for piece in pieces])
-    triangles = [piece.triangles + n for piece, n in zip(pieces, first[:-1], strict=True)]
+    # Counted in place, and narrowed as they are put together: there may be millions.
+    triangles = np.concatenate(
+        [piece.triangles for piece in pieces], dtype=np.int32, casting="unsafe"
+    )
+    ends = np.cumsum([len(piece.triangles) for piece in pieces])
+    for n, begin, end in zip(first[1:-1].tolist(), ends[:-1], ends[1:], strict=True):
+        triangles[begin:end] += np.int32(n)
     lift = np.array((0, 0, ROUTE_LIFT * surface.cell_size))
+    vertices = np.empty((len(patch) + len(route), 3))
     with np.errstate(over="ignore", invalid="ignore"):
-        centre = np.column_stack((surface.ix, surface.iy))[patch] + 0.5
-        drawn = np.column_stack(((centre + offset) * surface.cell_size, height))
-        vertices = np.concatenate((drawn, route + lift)) + 0.0
+        for axis, index in enumerate((surface.ix, surface.iy)):
+            placed = index[patch] + 0.5 + offset[:, axis]
+            np.multiply(placed, surface.cell_size, out=vertices[: len(patch), axis])
+        vertices[: len(patch), 2] = height
+        vertices[len(patch) :] = route + lift
+        vertices += 0.0
     if not np.isfinite(vertices).all():
         raise InputError(
             "the mesh reaches beyond float64: the map's heights or cells are too large"
@@ -296,7 +308,7 @@ def _assemble(
             )
         ),
         origin=np.concatenate((origin, np.full(len(route), ROUTE, dtype=np.uint8))),
-        triangles=np.concatenate(triangles).astype(np.int32),
+        triangles=triangles,
         lines=lines.astype(np.int32),
         points=(np.empty(0) if points is None else points).astype(np.int32),
         patch=np.concatenate((patch, np.full(len(route), NONE))).astype(np.int32),

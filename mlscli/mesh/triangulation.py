@@ -86,21 +86,62 @@ def nodes_of(surface: SurfaceMap, reach: float) -> Nodes:
         between, meeting = _joints(low, high, is_upright, start, _around(surface), reach)
     patch = np.concatenate((np.arange(surface.size), upright, between))
     height = np.concatenate((high, low[upright], meeting))
-    is_joint = np.arange(len(patch)) >= surface.size
-    cell = np.repeat(np.arange(len(start) - 1), np.diff(start))[patch]
-    order = np.lexsort((height, cell))
+    order, first = _order(start, patch[surface.size :], height)
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
     foot = np.full(surface.size, NONE)
     foot[upright] = number[surface.size : surface.size + len(upright)]
-    return Nodes(
-        patch[order],
-        height[order],
-        is_joint[order],
-        np.searchsorted(cell[order], np.arange(len(start))),
-        number[: surface.size],
-        foot,
-    )
+    is_joint = order >= surface.size
+    return Nodes(patch[order], height[order], is_joint, first, number[: surface.size], foot)
+
+
+@kernel
+def _order(start: Int64, joined: Int64, height: Float64) -> tuple[Int64, Int64]:
+    """Return the order of nodes by cell and height, and where each cell's begin.
+
+    Nodes of one height keep their order. Few patches have joints, and those of a cell are few: they
+    are put in their places among the tops, which ascend already.
+
+    Parameters
+    ----------
+    start : int64 (C + 1,)
+        Where the patches of each cell begin.
+    joined : int64 (J,)
+        The patches of the nodes that follow the tops of all P patches.
+    height : float64 (P + J,)
+        Heights of all nodes.
+
+    Returns
+    -------
+    order : int64 (P + J,)
+    first : int64 (C + 1,)
+    """
+    size = start[-1]
+    cells = len(start) - 1
+    cell_of = np.empty(size, dtype=np.int64)
+    first = start.copy()
+    for cell in range(cells):
+        cell_of[start[cell] : start[cell + 1]] = cell
+    for patch in joined:
+        first[cell_of[patch] + 1] += 1
+    # What was added to the cells before.
+    for cell in range(cells):
+        first[cell + 1] += first[cell] - start[cell]
+    order = np.empty(size + len(joined), dtype=np.int64)
+    end = first[:-1].copy()
+    for cell in range(cells):
+        for patch in range(start[cell], start[cell + 1]):
+            order[end[cell]] = patch
+            end[cell] += 1
+    for j in range(len(joined)):
+        cell, node = cell_of[joined[j]], size + j
+        place = end[cell]
+        while place > first[cell] and height[order[place - 1]] > height[node]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = node
+        end[cell] += 1
+    return order, first
 
 
 def _around(surface: SurfaceMap) -> Int64:
@@ -252,7 +293,7 @@ def surface_triangles(link: Int64, height: Float64, is_joint: Bool) -> Int64:
             if link[node, (corner + 1) % 4] < 0:
                 found = _add_chain(triangles, found, node, corner, link, height, is_joint)
         found = _add_ring(triangles, found, node, link, height, is_joint)
-    return triangles[:found].copy()
+    return triangles[:found]
 
 
 @inner

@@ -113,6 +113,10 @@ def walls_of(surface: SurfaceMap, nodes: Nodes, reach: float) -> WallTriangles:
     """
     ix, iy, start = surface.cells
     patch = np.flatnonzero(nodes.foot != NONE)
+    if not len(patch):
+        return WallTriangles(
+            nodes, np.empty((0, 3), dtype=np.int64), np.empty((0, 2), dtype=np.int64)
+        )
     uprights = _Uprights(
         np.searchsorted(patch, start),
         nodes.height[nodes.foot[patch]],
