@@ -15,7 +15,14 @@ def command() -> None:
 
 @command.command()
 @click.option("--preset", default="default", metavar="NAME", help="default, plain or thesis.")
-@click.option("-o", "--output", default="params.yaml", show_default=True, metavar="FILE")
+@click.option(
+    "-o",
+    "--output",
+    default="params.yaml",
+    show_default=True,
+    metavar="FILE",
+    help="The file to write; - prints.",
+)
 @overwrite
 def init(preset: str, output: str, overwrite: bool) -> None:
     """Write a preset with its comments to a file, to be edited."""
@@ -23,6 +30,9 @@ def init(preset: str, output: str, overwrite: bool) -> None:
     from mlscli.io.writing.atomic import atomic_write
 
     text = preset_text(preset)
+    if output == "-":
+        click.echo(text, nl=False)
+        return
     with atomic_write(output, overwrite=overwrite) as stream:
         stream.write(text.encode())
     say(f"{output}: written; use it with -c {output}")

@@ -176,26 +176,37 @@ def _levels(result: dict[str, Any]) -> str:
 
 
 def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
-    meta = result["meta"]
-    points = meta.get("points", {})
+    # Another program may have written anything into it.
+    meta = _mapping(result["meta"])
+    points = _mapping(meta.get("points"))
+    sources, batches = meta.get("sources"), meta.get("batches", 0)
     return [
-        *report.map_rows(result, meta.get("sizes")),
-        ("keyframes", f"{result['keyframes']:,} in {report.some(meta.get('batches', 0), 'batch')}"),
+        *report.map_rows(result, _mapping(meta.get("sizes"))),
+        ("keyframes", f"{result['keyframes']:,} in {_some_batches(batches)}"),
         ("turned", "" if result["up"] == "z" else f"what was {result['up']} is up"),
         ("points", report.counts({n: c for n, c in points.items() if isinstance(c, int)})),
-        ("sources", ", ".join(meta.get("sources", []))),
-        ("read with", _settings(meta.get("reading", {}))),
+        ("sources", ", ".join(map(str, sources)) if isinstance(sources, list) else ""),
+        ("read with", _settings(_mapping(meta.get("reading")))),
         ("made by", str(meta.get("program", ""))),
-        *_parameter_rows(meta.get("parameters", {})),
+        *_parameter_rows(_mapping(meta.get("parameters"))),
     ]
+
+
+def _mapping(value: object) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _some_batches(count: object) -> str:
+    return report.some(count if isinstance(count, int) else 0, "batch")
 
 
 def _parameter_rows(parameters: dict[str, Any]) -> Iterable[tuple[str, str]]:
     for name, value in parameters.items():
         if name != "pipeline":
             yield name, _settings(value)
-    for entry in parameters.get("pipeline", []):
-        for name, settings in entry.items():
+    stages = parameters.get("pipeline")
+    for entry in stages if isinstance(stages, list) else []:
+        for name, settings in _mapping(entry).items():
             yield name, _settings(settings)
 
 

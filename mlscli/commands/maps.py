@@ -6,9 +6,12 @@ from pathlib import Path
 
 from mlscli.errors import UsageError
 
+TRUTH = ".truth.npz"
+"""How the name of the exact truth ends that `mls synth` writes beside a cloud."""
+
 
 def the_one_map() -> Path:
-    """Return the only map in the current folder.
+    """Return the only map in the current folder; the truth beside it, of `mls synth`, is another.
 
     Raises
     ------
@@ -18,6 +21,7 @@ def the_one_map() -> Path:
     from mlscli.io.writing.npz import is_map
 
     maps = sorted(file for file in Path().glob("*.npz") if is_map(file))
+    maps = [each for each in maps if not each.name.endswith(TRUTH)] or maps
     if not maps:
         raise UsageError("MAP: no map (.npz) in the current folder; name one")
     if len(maps) > 1:

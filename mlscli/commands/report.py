@@ -12,6 +12,9 @@ from mlscli.parameters.lengths import Cells, Length, in_units
 if TYPE_CHECKING:
     from mlscli.pipeline.parameters import Vehicle
 
+# So many numbers of levels fit on a line.
+_MOST_LEVELS = 6
+
 
 def lines(rows: Iterable[tuple[str, str]]) -> str:
     """Return rows (name, text) as lines with aligned texts; rows without a text are left out."""
@@ -44,8 +47,13 @@ def bounds(extent: Mapping[str, Sequence[float]] | None) -> str:
 
 
 def levels(cells_by_level: Mapping[str, int]) -> str:
-    """Return how many cells hold one patch, two, and so on."""
-    return ", ".join(f"{some(cells, 'cell')} with {n}" for n, cells in cells_by_level.items())
+    """Return how many cells hold one patch, two, and so on; of many numbers the last is told."""
+    told = [f"{some(cells, 'cell')} with {n}" for n, cells in cells_by_level.items()]
+    if len(told) > _MOST_LEVELS:
+        rest = [*cells_by_level.items()][_MOST_LEVELS - 1 :]
+        more = some(sum(cells for _, cells in rest), "cell")
+        told[_MOST_LEVELS - 1 :] = [f"{more} with {rest[0][0]} to {rest[-1][0]}"]
+    return ", ".join(told)
 
 
 def craft(vehicle: Vehicle, cell_size: float | None) -> str:

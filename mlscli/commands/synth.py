@@ -12,6 +12,7 @@ import click
 
 from mlscli.commands import report
 from mlscli.commands.flying import features, noisy
+from mlscli.commands.maps import TRUTH
 from mlscli.commands.options import PARTLY_READ, as_json, overwrite, refuse_given
 from mlscli.commands.reading import FormatsInHelp, Numbers, read_points, reading
 from mlscli.errors import UsageError, with_options
@@ -334,7 +335,7 @@ def _over_scene(
 
     target, kind = written.target(f"{scene.name}.txt")
     stem = target.name if kind == "ros2" else target.stem
-    beside = target.with_name(f"{stem}.truth.npz")
+    beside = target.with_name(f"{stem}{TRUTH}")
     refuse_existing(beside, overwrite=written.overwrite)
     true = truth(scene, *grids)
     flight = fly(scene, **flown)

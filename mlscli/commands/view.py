@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mlscli.commands.maps import the_one_map
-from mlscli.commands.options import overwrite
+from mlscli.commands.options import overwrite, say
 from mlscli.commands.reading import read_points
 from mlscli.errors import OutputError, UsageError
 
@@ -82,7 +82,24 @@ def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
     except (TypeError, UsageError) as error:
         given = ", ".join(f"{name} {value}" for name, value in options.items())
         raise UsageError(f"--points: read as the map's recording was ({given}): {error}") from error
-    return read_points(recording)
+    cloud = read_points(recording)
+    if surface.size and len(cloud) and not _meet(surface, cloud):
+        say(
+            f"{', '.join(sources)}: none of the points lies where the map is; they seem to be of "
+            "another place, or in another frame"
+        )
+    return cloud
+
+
+def _meet(surface: SurfaceMap, points: Float64) -> bool:
+    """Return whether any of the points (N, 3) lies within the map's bounds."""
+    import numpy as np
+
+    cells = np.floor(points[:, :2] / surface.cell_size)
+    low, high = (
+        np.array([end(surface.ix), end(surface.iy)], dtype=float) for end in (np.min, np.max)
+    )
+    return bool(((cells >= low) & (cells <= high)).all(axis=1).any())
 
 
 def _open(page: str) -> None:

@@ -104,8 +104,12 @@ def _file_text(source: str | os.PathLike[str]) -> str:
             data = stream.read(MAX_CONFIG_BYTES + 1)
     except FileNotFoundError:
         bare = path.name == os.fspath(source) and not path.suffix
-        hint = f", nor a preset; {nearest(path.name, PRESETS)}" if bare else ""
-        raise InputError(f"{path}: no such configuration file{hint}") from None
+        missing = f"{path}: no such configuration file"
+        if bare:
+            # A name that is no file's is wrong usage, as in `preset_text`.
+            hint = nearest(path.name, PRESETS)
+            raise ConfigError([f"{missing}, nor a preset; {hint}"]) from None
+        raise InputError(missing) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read as a configuration: {reason}") from error

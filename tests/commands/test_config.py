@@ -49,6 +49,21 @@ def test_init_writes_the_preset_asked_for_where_it_is_asked_to(folder: Path) -> 
     assert [file.name for file in folder.iterdir()] == ["t.yaml"]
 
 
+def test_init_prints_where_the_file_is_a_dash(folder: Path) -> None:
+    run = config("init", "--preset", "thesis", "-o", "-")
+    assert (run.returncode, run.stdout, run.stderr) == (0, preset_text("thesis"), "")
+    assert list(folder.iterdir()) == []
+
+
+def test_a_name_that_is_neither_a_file_nor_a_preset_is_wrong_usage_everywhere(
+    folder: Path,
+) -> None:
+    show, init = config("show", "-c", "thess"), config("init", "--preset", "thess")
+    assert show.returncode == init.returncode == 2
+    assert "thess: no such configuration file, nor a preset; did you mean thesis?" in show.stderr
+    assert list(folder.iterdir()) == []
+
+
 def test_init_replaces_a_file_only_when_told_to(folder: Path) -> None:
     (folder / "params.yaml").write_text("mine")
     run = config("init")

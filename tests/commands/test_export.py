@@ -62,6 +62,13 @@ def test_of_several_maps_one_must_be_named(folder: Path) -> None:
     assert (folder / "barn.ply").exists()
 
 
+def test_the_truth_beside_a_map_is_taken_only_where_it_is_alone(folder: Path) -> None:
+    (folder / "house.npz").rename(folder / "house.truth.npz")
+    assert export().stdout.startswith("house.truth.ply: ")
+    write_map("house.npz", house())
+    assert export().stdout.startswith("house.ply: ")
+
+
 def test_without_any_map_it_says_so(folder: Path) -> None:
     (folder / "house.npz").unlink()
     error = complaint()

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from mlscli.io.writing.npz import write_map
 from tests.helpers.bags import Sent, write_bag
@@ -248,3 +249,33 @@ def test_of_two_points_there_is_an_extent_and_no_levels(tmp_path: Path) -> None:
     assert told["extent"] == {"x": [0, 1], "y": [0, 2], "z": [0, 3]}
     assert told["levels"] == {}
     assert "levels cannot be told" in mls("info", "two.xyz", cwd=tmp_path).stdout
+
+
+@pytest.mark.parametrize(
+    "meta",
+    [
+        {"points": "x", "parameters": 5, "reading": 3, "sources": 7, "batches": "many"},
+        {"parameters": {"pipeline": 4, "map": None}, "sources": [1, None], "sizes": []},
+        {"parameters": {"pipeline": [3, {"median": None}]}, "sizes": {"cell_size": 1}},
+    ],
+)
+def test_a_map_is_told_of_whatever_another_program_has_written_into_its_meta(
+    tmp_path: Path, meta: dict[str, object]
+) -> None:
+    surface = map_of(BRIDGE)
+    surface.meta.update(meta)
+    write_map(tmp_path / "odd.npz", surface)
+    done = mls("info", "odd.npz", cwd=tmp_path)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "6: 5 measured, 1 artificial; 1 vertical" in done.stdout
+
+
+def test_many_numbers_of_levels_are_told_on_one_line(tmp_path: Path) -> None:
+    tower = [Patch(x, 0, 5.0 * n, 0.0, 0, 4) for x in range(20) for n in range(x + 1)]
+    write_map(tmp_path / "tower.npz", map_of(tower))
+    done = mls("info", "tower.npz", cwd=tmp_path)
+
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("  levels")]
+    assert line.endswith("1 cell with 5, 15 cells with 6 to 20")
+    assert len(line) < 120

@@ -99,6 +99,16 @@ def test_points_are_read_as_those_of_the_map_were(folder: Path) -> None:
     assert (_points(read_map("map.npz"), ("cloud.txt",))[:, 2] == 5).all()
 
 
+def test_points_of_another_place_are_told(folder: Path) -> None:
+    (folder / "here.txt").write_text("1 1 0\n2 1 0\n900 1 0\n")
+    (folder / "elsewhere.txt").write_text("501 1 0\n502 1 0\n503 1 0\n")
+
+    assert view("--points", "here.txt", "--html", "a.html").stderr == ""
+    told = view("--points", "elsewhere.txt", "--html", "b.html")
+    assert told.exit_code == 0
+    assert "elsewhere.txt: none of the points lies where the map is" in told.stderr
+
+
 @pytest.mark.parametrize("reading", [{"topic": "/cloud"}, {"unheard_of": 1}])
 def test_points_that_the_map_s_options_do_not_fit_are_refused_with_these(
     folder: Path, reading: dict[str, Any]
