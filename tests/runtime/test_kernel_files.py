@@ -108,6 +108,19 @@ def test_programs_that_compile_at_once_leave_whole_files(folder: Path) -> None:
     assert told(21) == (42, 63, 0)
 
 
+def test_a_program_that_can_write_nowhere_loads_what_came_with_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told(21)
+    monkeypatch.setattr(kernel_files, "OWN", folder)
+    monkeypatch.setattr(kernel_files._config, "CACHE_DIR", "/dev/null/nowhere")
+    assert kernel_files.folder() is None
+    # Kernels of other packages do not come with it.
+    assert told(21) == (42, 63, 2)
+    monkeypatch.setattr(kernel_files, "__name__", __name__)
+    assert told(21) == (42, 63, 0)
+
+
 def test_where_a_folder_is_full_or_gone_the_work_is_done_all_the_same(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
