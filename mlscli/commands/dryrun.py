@@ -78,6 +78,7 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
         ("free space", _free_space(account, parameters)),
         ("cell size", report.reasoned(cell_size, why.get("cell_size"))),
         ("gap size", report.reasoned(gap_size, why.get("gap_size"))),
+        ("noise", why.get("noise", "")),
         ("vehicle", report.craft(parameters.vehicle, None if auto else account["cell_size"])),
         ("time", _duration(account["seconds"])),
         ("judged by", _judged_by(read)),

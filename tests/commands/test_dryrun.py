@@ -11,6 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from mlscli.building.depth_noise import auto_noise
+from mlscli.io.reading.recording import open_recording
+from mlscli.io.writing.flight_text import write_text
+from mlscli.scenes.flight import fly
+from mlscli.scenes.noise import Noise
+from mlscli.scenes.presets import make
+from mlscli.scenes.surfaces import Scatter
 from tests.helpers.bags import Sent, write_bag
 from tests.helpers.program import mls
 
@@ -55,6 +62,15 @@ def test_what_is_extrapolated_is_about(tmp_path: Path) -> None:
     assert rows_told["cell size"].strip() == "0.5"
     assert rows_told["gap size"].strip().startswith("about 0.25 (auto: half a cell, as only")
     assert rows_told["judged by"].startswith("the first ")
+
+
+def test_it_tells_the_noise_that_the_build_would_find(tmp_path: Path) -> None:
+    flown = fly(make("house"), 0.15, Noise("slam", Scatter(0.0, 0.05)), seed=3)
+    write_text(tmp_path / "flight.txt", flown.keyframes)
+    told = mls("build", "flight.txt", "--dry-run", cwd=tmp_path).stdout
+    noise = auto_noise(open_recording(tmp_path / "flight.txt"))
+    assert noise > 0
+    assert f"  noise      auto: a depth errs by {noise:g} times its square\n" in told
 
 
 def test_it_fails_as_the_build_would(tmp_path: Path) -> None:
