@@ -71,6 +71,13 @@ MAPPED = [
     ("hard/ros1_unindexed.bag", "--frame base_laser", "175 in"),
 ]
 
+# What is said of doubtful stamps, places, orders and headers; and where that is right.
+DOUBTS = re.compile(
+    r"pile up|by turns|their recording|one stamp|longitude|taken as [wx] |none of its times|"
+    r"declares|byte order|outside the bounds|have hit nothing"
+)
+DOUBTED = "--topic /base_scan"
+
 NO_CLOUDS = "can be mapped: sensor_msgs/msg/PointCloud2"
 REFUSED = [
     ("sparse/euroc_orb2_KeyFrameTrajectory_tum.txt", "--route"),
@@ -100,7 +107,7 @@ def dry_run(source: str, options: str, tmp_path: Path) -> int:
 
 
 @pytest.mark.parametrize(("source", "options", "told"), MAPPED)
-def test_it_is_mapped_with_these_options(
+def test_it_is_mapped_with_these_options_and_doubted_where_there_is_reason(
     source: str,
     options: str,
     told: str,
@@ -113,7 +120,9 @@ def test_it_is_mapped_with_these_options(
     filters = "" if "-c" in options else "-c plain"
     status = dry_run(source, f"{options} {filters}", tmp_path)
     assert status == (3 if "unindexed" in source else 0)
-    assert told in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert told in said.out
+    assert bool(DOUBTS.search(said.err)) == (DOUBTED in options)
 
 
 @pytest.mark.parametrize(("source", "advice"), REFUSED)
