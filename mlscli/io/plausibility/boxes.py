@@ -6,6 +6,7 @@ import numpy as np
 
 from mlscli.io.plausibility.finding import Finding, doubted, right
 from mlscli.runtime.arrays import Bool, Float64
+from mlscli.runtime.kernels import kernel
 
 _MOST, _MOST_CHAINED = 0.1, 0.99
 """Where more than this share of the points lies too far outside, the bounds are wrong, not the
@@ -48,7 +49,7 @@ def within_bounds(
     all_kept = np.ones(len(points), dtype=np.bool_)
     if not is_set or not len(points):
         return right(all_kept)
-    if (points.min(axis=0) >= low - slack).all() and (points.max(axis=0) <= high + slack).all():
+    if _all_within(points, low - slack, high + slack):
         return right(all_kept)
     inside = ((points >= low - slack) & (points <= high + slack)).all(axis=1)
     reach = slack if chained else slack + float(extent.max())
@@ -62,3 +63,13 @@ def within_bounds(
             "that its header states; they are taken",
         )
     return right(np.asarray(near))
+
+
+@kernel
+def _all_within(points: Float64, low: Float64, high: Float64) -> bool:
+    """Return whether all points (N, 3) lie within bounds (3,)."""
+    for row in range(len(points)):
+        for axis in range(3):
+            if not low[axis] <= points[row, axis] <= high[axis]:
+                return False
+    return True

@@ -37,6 +37,9 @@ _OTHERS = tuple(product((16, 15, 14, 13, 17, 18, 12), (0, 1, 2), (1, 2, 264)))
 _FARTHEST, _LONGEST = 1 << 13, 264
 """How far back an encoder looks, and how much a step repeats, in bytes."""
 
+_BEGINNING = 1 << 15
+"""So many plain bytes tell most encoders apart."""
+
 _HARDLY, _LARGE = 0.95, 1 << 20
 """Where so many bytes are compressed to more than this share, there is little to judge by."""
 
@@ -67,8 +70,10 @@ def repeats_as_encoded(data: UInt8, plain: UInt8, used: int) -> Finding[bool]:
     if large or len(plain) >= 1 << 31:
         return right(True)
     best = _Judged(1 << 62, 0, 0, 0)
-    for encoder in (*_USUAL, *_OTHERS):
-        judged = _Judged(*_judged(data, plain, *encoder, best.odd))
+    # The beginning tells which of those in use to try first, as the first mostly fits.
+    usual = sorted(_USUAL, key=lambda each: _judged(data, plain, *each, best.odd, _BEGINNING)[0])
+    for encoder in (*usual, *_OTHERS):
+        judged = _Judged(*_judged(data, plain, *encoder, best.odd, len(plain)))
         if not judged.odd:
             return right(True)
         best = judged if judged.odd < best.odd else best
@@ -109,7 +114,7 @@ class _Judged(NamedTuple):
 
 @kernel
 def _judged(
-    data: UInt8, plain: UInt8, bits: int, kind: int, kept: int, most: int
+    data: UInt8, plain: UInt8, bits: int, kind: int, kept: int, most: int, stop: int
 ) -> tuple[int, int, int, int]:
     """Compare steps with those of an encoder, until `most` contradict it.
 
@@ -119,6 +124,8 @@ def _judged(
     bits, kind, kept : int
         The encoder; see `_USUAL`.
     most : int
+    stop : int
+        Offset in the plain bytes at which to stop.
 
     Returns
     -------
@@ -127,8 +134,9 @@ def _judged(
     """
     last = np.zeros(1 << bits, dtype=np.int32)
     end = len(plain) - 2
+    stop = min(stop, end)
     read = at = odd = repetitions = gap = first = since = 0
-    while at < end and read < len(data) and odd < most:
+    while at < stop and read < len(data) and odd < most:
         control = int(data[read])
         read += 1
         fits = True
