@@ -25,6 +25,7 @@ from mlscli.pipeline.tilewise.cluster import Cluster
 from mlscli.pipeline.tilewise.connection import connected
 from mlscli.runtime.arrays import Array
 from mlscli.runtime.notices import notice
+from mlscli.words import some
 
 
 class Build(NamedTuple):
@@ -202,7 +203,7 @@ def feed(
     if follows_sights and known < keyframes:
         notice(
             f"free space: where the craft was is not known of {keyframes - known:,} of "
-            f"{keyframes:,} keyframes; what they saw through is not in it"
+            f"{some(keyframes, 'keyframe')}; what they saw through is not in it"
         )
     # The recording has dropped points that the builder never saw.
     builder.report.points_read = recording.tally.points_read

@@ -27,6 +27,7 @@ from mlscli.geometry.spacing import NEIGHBOUR, Spacing, of_one_look, spacing, wi
 from mlscli.keyframes.keyframe import Keyframe, require_points
 from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.runtime.arrays import Array, Float64
+from mlscli.words import some
 
 # The scene is what lies between these shares of the points, in x and in y.
 _OUTSIDE = 0.01
@@ -170,7 +171,7 @@ def _distance(
     words = ["neighbour"]
     equal = len(whole) - len(found.cloud.points)
     if equal:
-        words.append(f"without {equal:,} points that equal others")
+        words.append(f"without {some(equal, 'point')} that equal others")
     if (one := of_one_look(found, looks)) is not None:
         found = one
         words.append("in one keyframe, as they see the same again")

@@ -19,6 +19,7 @@ from mlscli.commands.options import (
 )
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import FormatsInHelp, read_points, reading
+from mlscli.words import some
 
 if TYPE_CHECKING:
     from mlscli.pipeline.parameters import Parameters
@@ -140,7 +141,7 @@ def command(
     else:
         with atomic_write(output, overwrite=overwrite) as stream:
             stream.write(f"{report.rstrip()}\n".encode())
-        say(f"mls: {output}: {len(report.splitlines())} lines")
+        say(f"mls: {output}: {some(len(report.splitlines()), 'line')}")
     return PARTLY_READ if lost else 0
 
 

@@ -16,6 +16,7 @@ from mlscli.commands.options import PARTLY_READ, Size, as_json, configured, over
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import FormatsInHelp, reading
 from mlscli.errors import UsageError
+from mlscli.words import some
 
 if TYPE_CHECKING:
     from mlscli.building.build import Build
@@ -279,7 +280,7 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
     points, seconds = account["points"], dict(account["seconds"])
     dropped = [f"{count:,} dropped ({reason})" for reason, count in points["dropped"].items()]
     total = seconds.pop("total")
-    batches = report.some(account["batches"], "batch")
+    batches = some(account["batches"], "batch")
     longest_first = sorted(seconds.items(), key=lambda item: -item[1])
     rows = [
         (

@@ -12,6 +12,7 @@ import click
 from mlscli.commands import report
 from mlscli.commands.options import PARTLY_READ, say
 from mlscli.errors import with_options
+from mlscli.words import some
 
 if TYPE_CHECKING:
     from mlscli.building.builder import Follower
@@ -103,7 +104,7 @@ def _keyframes(account: dict[str, Any], about: str) -> str:
     number = _number(account["keyframes"], "" if account["counted"] else "about ")
     if account["batches"] is None:
         return number
-    return f"{number} in {about}{report.some(account['batches'], 'batch')}, {account['mode']}"
+    return f"{number} in {about}{some(account['batches'], 'batch')}, {account['mode']}"
 
 
 def _number(number: float | None, about: str) -> str:
@@ -125,5 +126,5 @@ def _duration(seconds: float | None) -> str:
 
 def _judged_by(read: dict[str, Any]) -> str:
     of = "all" if read["all"] else "the first"
-    keyframes = report.some(read["keyframes"], "keyframe")
-    return f"{of} {keyframes}, {report.some(read['points'], 'point')}"
+    keyframes = some(read["keyframes"], "keyframe")
+    return f"{of} {keyframes}, {some(read['points'], 'point')}"

@@ -12,6 +12,7 @@ import click
 
 from mlscli.commands import report, topics
 from mlscli.commands.options import PARTLY_READ, as_json, say
+from mlscli.words import some
 
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
@@ -146,7 +147,7 @@ def _text(result: dict[str, Any]) -> str:
         ]
         return "\n".join([f"{head}\n{report.lines(rows)}", *topics.lines(result)])
     rows = [
-        ("points", f"{result['points']:,} in {report.some(result['keyframes'], 'keyframe')}"),
+        ("points", f"{result['points']:,} in {some(result['keyframes'], 'keyframe')}"),
         ("dropped", report.counts(result["dropped"])),
         ("time", _time(result)),
         ("route", _route(result)),
@@ -197,7 +198,7 @@ def _mapping(value: object) -> dict[str, Any]:
 
 
 def _some_batches(count: object) -> str:
-    return report.some(count if isinstance(count, int) else 0, "batch")
+    return some(count if isinstance(count, int) else 0, "batch")
 
 
 def _parameter_rows(parameters: dict[str, Any]) -> Iterable[tuple[str, str]]:
@@ -224,4 +225,4 @@ def _time(result: dict[str, Any]) -> str:
 
 def _route(result: dict[str, Any]) -> str:
     known = result["positions"]
-    return f"where the craft was is known of {report.some(known, 'keyframe')}" if known else ""
+    return f"where the craft was is known of {some(known, 'keyframe')}" if known else ""

@@ -12,6 +12,7 @@ import click
 from mlscli.commands import report
 from mlscli.commands.options import as_json
 from mlscli.errors import UsageError
+from mlscli.words import some
 
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
@@ -170,7 +171,7 @@ def _spans(result: dict[str, Any], number: Any) -> Iterator[tuple[float, float, 
         if level["moved"]:
             words.append("drawn beyond its points")
         if level["points"]:
-            words.append(report.some(level["points"], "point"))
+            words.append(some(level["points"], "point"))
         if level["sigma"] is not None and level["points"] > 1:
             words.append(f"sigma {number(level['sigma'])}")
         if level["keyframes"]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mlscli.parameters.fields import write_value
 from mlscli.parameters.lengths import Cells, Length, in_units
+from mlscli.words import some
 
 if TYPE_CHECKING:
     from mlscli.pipeline.parameters import Vehicle
@@ -21,12 +22,6 @@ def lines(rows: Iterable[tuple[str, str]]) -> str:
     kept = [(name, text) for name, text in rows if text]
     width = max((len(name) for name, _ in kept), default=0)
     return "\n".join(f"  {name:<{width}}  {text}" for name, text in kept)
-
-
-def some(count: int, noun: str) -> str:
-    """Return a count with its noun: ``1 cell``, ``1,234 cells``."""
-    ending = "" if count == 1 else "es" if noun.endswith("ch") else "s"
-    return f"{count:,} {noun}{ending}"
 
 
 def counts(numbers: Mapping[str, int]) -> str:

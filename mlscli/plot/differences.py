@@ -13,6 +13,7 @@ from mlscli.plot.above import INK, add_colourbar, draw_above, new_figure, size_o
 from mlscli.plot.relief import Frame, frame_of, shown_patches
 from mlscli.runtime.arrays import Bool
 from mlscli.scoring.comparison import matches, require_same_cells
+from mlscli.words import some
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,7 +93,7 @@ def plot_differences(
                     Circle((ring.x, ring.y), ring.radius, fill=False, linewidth=line,
                            edgecolor=edge, zorder=7)
                 )  # fmt: skip
-    said = f"{len(circles)} place{'' if len(circles) == 1 else 's'} where the maps differ"
+    said = f"{some(len(circles), 'place')} where the maps differ"
     figure.supxlabel(said, fontsize=9, color=RING if circles else INK)
     add_colourbar(figure, list(axes), paint)
     return figure

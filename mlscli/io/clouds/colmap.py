@@ -23,6 +23,7 @@ from mlscli.io.clouds.rows import short
 from mlscli.io.clouds.structures import Member, gather, mapped, read_structures
 from mlscli.io.source import Cloud, side_by_side
 from mlscli.runtime.arrays import Float64, Int64, UInt8
+from mlscli.words import some
 
 _COUNT = struct.Struct("<Q")
 _POINT = (
@@ -117,7 +118,7 @@ def _binary_images(file: Path) -> tuple[list[_Image], list[str]]:
         at = features_at + _COUNT.size + features * _FEATURE
         images.append(_Image(name.decode("utf-8", "replace"), number, _camera(pose)))
     lost = len(images) < declared
-    return images, [shortfall(file, len(images), declared, what="images")] if lost else []
+    return images, [shortfall(file, len(images), declared, what="image")] if lost else []
 
 
 def _binary_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, list[str]]:
@@ -132,7 +133,7 @@ def _binary_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, l
 def _declared(file: Path, data: UInt8) -> int:
     if len(data) < _COUNT.size:
         raise InputError(
-            f"{file}: holds {len(data)} bytes, expected at least 8: the number of what follows"
+            f"{file}: holds {some(len(data), 'byte')}, expected at least 8: how many follow"
         )
     return int(_COUNT.unpack_from(data.data)[0])
 
@@ -171,7 +172,7 @@ def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
             except ValueError:
                 tally.fault(line)
             next(lines, "")
-    return images, tally.losses(len(images), "images")
+    return images, tally.losses(len(images), "image")
 
 
 def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, list[str]]:
@@ -195,7 +196,7 @@ def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, lis
                 first.append(min((ranks.get(image, unknown) for image in images), default=unknown))
     rank = np.array(first, dtype=np.int64)
     xyz = np.array(points, dtype=np.float64).reshape(-1, 3)
-    return xyz, np.where(rank == unknown, -1, rank), tally.losses(len(points), "points")
+    return xyz, np.where(rank == unknown, -1, rank), tally.losses(len(points), "point")
 
 
 class _DeclaredCount:

@@ -32,6 +32,7 @@ from mlscli.io.plausibility.boxes import within_bounds
 from mlscli.io.plausibility.finding import Finding, right
 from mlscli.io.source import keyframe_field, side_by_side
 from mlscli.runtime.arrays import Array, Bool, Float64, UInt8
+from mlscli.words import are, some
 
 # What laspy logs is also raised.
 logging.getLogger("laspy").addHandler(logging.NullHandler())
@@ -82,15 +83,16 @@ class LasCloud(PointFile):
         withheld = len(points) - int(kept.sum())
         notes += more
         if withheld:
-            notes.append(f"{self.path}: {withheld:,} points are flagged as withheld and left out")
+            left = some(withheld, "point")
+            notes.append(f"{self.path}: {left} {are(withheld)} flagged as withheld and left out")
         found = _vouched(header, points, broken=bool(part.fault))
         if found.value is not None:
             doubtful = len(points) - int(found.value.sum())
             kept = kept & found.value
             if doubtful:
                 losses.append(
-                    f"{self.path}: {doubtful:,} of {declared:,} points are damaged: some lie "
-                    "outside the bounds that the header states"
+                    f"{self.path}: {doubtful:,} of {some(declared, 'point')} are "
+                    "damaged: some lie outside the bounds that the header states"
                 )
         notes += [f"{self.path}: {found.note}"] if found.note else []
         whole = bool(kept.all())

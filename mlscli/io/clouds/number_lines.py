@@ -20,7 +20,9 @@ from mlscli.io.clouds.dialect import (
 )
 from mlscli.io.clouds.pointfile import shortfall
 from mlscli.io.clouds.rows import LONGEST_ROW, alike, blocks, short
+from mlscli.io.plausibility.counts import more_than
 from mlscli.runtime.arrays import Array, Float64
+from mlscli.words import are, some
 
 Item = TypeVar("Item")
 
@@ -90,21 +92,19 @@ def put_together(
     notes, losses = [], []
     if declared.extra:
         notes.append(
-            f"{path}: rows have {declared.extra:,} more numbers than are declared; the first ones "
-            "count"
+            f"{path}: rows have {some(declared.extra, 'number')} more than are declared; the first "
+            "ones count"
         )
     if declared.strange and len(declared.values):
-        notes.append(f"{path}: {declared.strange:,} lines are no points: {declared.fault}")
+        lines = some(declared.strange, "line")
+        notes.append(f"{path}: {lines} {are(declared.strange)} no points: {declared.fault}")
     if len(declared.values) < count:
         losses.append(shortfall(path, len(declared.values), count, declared.fault))
     if len(beyond.values):
-        notes.append(
-            f"{path}: declares fewer points than it holds; the {len(beyond.values):,} beyond are "
-            "read, too"
-        )
+        notes.append(f"{path}: {more_than(count, count + len(beyond.values))}")
     if beyond.broken:
         losses.append(
-            f"{path}: {beyond.broken:,} lines beyond the declared points cannot be read: "
+            f"{path}: {some(beyond.broken, 'line')} beyond the declared points cannot be read: "
             f"{beyond.fault}"
         )
     return list(values.T), notes, losses

@@ -21,6 +21,7 @@ from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
 from mlscli.io.clouds.pointfile import Content, PointFile
 from mlscli.io.source import Cloud
+from mlscli.words import some
 
 _LEAST_TRACK_COLUMNS = 8
 
@@ -80,7 +81,7 @@ class OpenSfmReconstruction(PointFile):
             notes.append(
                 f"{self.path}: holds {len(found)} reconstructions, each in a frame of its own; "
                 f"taken is the one with most shots, {len(largest['shots'])}, and "
-                f"{len(largest['points']):,} points"
+                f"{some(len(largest['points']), 'point')}"
             )
         return largest["shots"], largest["points"], notes
 

@@ -27,6 +27,7 @@ from mlscli.io.clouds.structures import Member, mapped, read_structures
 from mlscli.io.source import side_by_side
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Array
+from mlscli.words import some
 
 _SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _DATA = ("ascii", "binary", "binary_compressed")
@@ -117,8 +118,7 @@ class PcdCloud(PointFile):
         ):
             found = f"{key} {' '.join(words)}"
             raise InputError(
-                f"{self.path}: found {found[:60]!r}, expected {count} whole number"
-                f"{'' if count == 1 else 's'}"
+                f"{self.path}: found {found[:60]!r}, expected {some(count, 'whole number')}"
             )
         return [int(word) for word in words]
 

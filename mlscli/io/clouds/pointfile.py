@@ -26,6 +26,7 @@ from mlscli.io.source import (
 )
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Array, Float64
+from mlscli.words import some
 
 _LOOKED_AT = 10_000
 """Points whose coordinates are looked at."""
@@ -233,7 +234,7 @@ def counted(path: Path, columns: list[Array], declared: int, fault: str = "") ->
     )
 
 
-def shortfall(path: Path, came: int, declared: int, fault: str = "", what: str = "points") -> str:
+def shortfall(path: Path, came: int, declared: int, fault: str = "", what: str = "point") -> str:
     """Return a line that says how many of the points declared are missing, and why.
 
     Parameters
@@ -244,7 +245,8 @@ def shortfall(path: Path, came: int, declared: int, fault: str = "", what: str =
     fault : str
         What is wrong with the missing ones; empty where the file ends before them.
     what : str
-        What they are, where they are no points.
+        What one of them is, where it is no point.
     """
+    lost = declared - came
     why = fault or "the file ends before them"
-    return f"{path}: {declared - came:,} of {declared:,} {what} are missing: {why}"
+    return f"{path}: {lost:,} of {some(declared, what)} are missing: {why}"

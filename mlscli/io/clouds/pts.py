@@ -23,6 +23,7 @@ from mlscli.io.clouds import dialect
 from mlscli.io.clouds import rows as lines
 from mlscli.io.clouds.dialect import Dialect, is_number, open_text
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, shortfall
+from mlscli.io.plausibility.counts import more_than
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 
 _COUNT = re.compile(r"\s*[0-9]{1,40}\s*")
@@ -111,17 +112,19 @@ class _Scans:
         scans = len(self._declared)
         there = np.bincount(scan, minlength=scans).tolist()
         came = np.bincount(scan[is_whole], minlength=scans).tolist()
-        beyond, expected, fault = 0, 0, self._fault
+        declared_less, there_more, expected, fault = 0, 0, 0, self._fault
         for number, declared in enumerate(self._declared):
-            beyond += max(0, came[number] - declared)
+            if came[number] > declared:
+                declared_less += declared
+                there_more += came[number]
             expected += max(there[number], declared)
             if there[number] < declared and number + 1 < scans:
                 fault = fault or f"scan {number} ends before them"
-        note = f"{path}: declares fewer points than it holds; the {beyond:,} beyond are read, too"
+        note = f"{path}: {more_than(declared_less, there_more)}"
         lost = len(points) < expected
         return Content(
             by_keyframe(points, scan[is_whole]),
-            [note] if beyond else [],
+            [note] if there_more else [],
             [shortfall(path, len(points), expected, fault)] if lost else [],
         )
 

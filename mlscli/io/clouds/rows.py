@@ -23,6 +23,7 @@ from mlscli.io.clouds.dialect import (
     number,
 )
 from mlscli.runtime.arrays import Bool, Float64, Int64
+from mlscli.words import some
 
 BLOCK_CHARACTERS = 1 << 22
 """Characters read at a time."""
@@ -220,7 +221,7 @@ def _picked(words: Sequence[str], layout: Layout, index: int, line: str) -> list
     if len(line) > LONGEST_ROW:
         found = f"found a line of more than {LONGEST_ROW} characters"
         raise BrokenRowError(index, f"{found}, expected a line for each point")
-    found = f"{len(words)} column{'s' if len(words) > 1 else ''} ({short(line.strip())})"
+    found = f"{some(len(words), 'column')} ({short(line.strip())})"
     if layout.most is not None and not layout.least <= len(words) <= layout.most:
         raise BrokenRowError(index, f"found {found}, expected the {layout.most} of the header")
     picked = []

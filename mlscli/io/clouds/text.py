@@ -30,6 +30,7 @@ from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.posecolumns import are_poses_of_a_craft
 from mlscli.io.clouds.rows import LONGEST_ROW, BrokenRowError, Rows, blocks, parse, short
 from mlscli.io.plausibility.clocks import in_seconds
+from mlscli.io.plausibility.counts import more_than
 from mlscli.io.source import Cloud, rows_by_first_appearance
 from mlscli.runtime.arrays import Array, Float64, Int64
 from mlscli.words import some
@@ -163,8 +164,8 @@ class _Parser:
         notes = [*self.layout.notes, *self.notes]
         if odd and self.layout.most is None:
             notes.append(
-                f"{self.path}: {odd:,} of {rows:,} rows have more or fewer columns than most, "
-                f"which have {self.opening.width}; of all the same columns are taken"
+                f"{self.path}: {odd:,} of {some(rows, 'row')} have more or fewer columns than "
+                f"most, which have {self.opening.width}; of all the same columns are taken"
             )
         if self.layout.guessed:
             notes.append(
@@ -173,9 +174,7 @@ class _Parser:
             )
         declared = self.opening.declared
         if declared is not None and rows > declared:
-            notes.append(
-                f"{self.path}: declares {declared:,} points and holds {rows:,}; all are read"
-            )
+            notes.append(f"{self.path}: {more_than(declared, rows)}")
         elif declared is not None and rows + self._broken < declared:
             self.losses.append(shortfall(self.path, rows + self._broken, declared))
         # Blocks read before the fourth column turned out to be no keyframe still hold it.
@@ -245,13 +244,14 @@ class _Parser:
         declared = self.opening.declared
         words = self.opening.dialect.fields(last) if len(last) <= LONGEST_ROW else []
         if words and declared is not None and came + 1 < declared:
-            return f"found {short(last.strip())} and {declared - came - 1:,} lines missing after it"
+            missing = some(declared - came - 1, "line")
+            return f"found {short(last.strip())} and {missing} missing after it"
         if not words or not came:
             return ""
         if "\0" in last:
             return "found zero bytes"
         if len(words) < self.opening.width and not odd:
-            columns = f"{len(words)} columns ({short(last.strip())})"
+            columns = f"{some(len(words), 'column')} ({short(last.strip())})"
             return f"found {columns}, expected {self.opening.width}"
         try:
             parse(last, self.opening.dialect, self.layout, after_blank=False)

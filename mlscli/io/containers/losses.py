@@ -69,9 +69,8 @@ class Losses:
         """Compare the messages read with those declared, by topic, at the end of a pass."""
         missing = Counter({topic: declared[topic] - came.get(topic, 0) for topic in declared})
         if any(count > 0 for count in missing.values()) and not self.reasons:
-            self.reasons.append(
-                f"yields {sum(came.values()):,} of {sum(declared.values()):,} messages declared"
-            )
+            messages = some(sum(declared.values()), "message")
+            self.reasons.append(f"yields {sum(came.values()):,} of {messages} declared")
         unknown = self.messages.pop("", 0)
         self.messages |= missing
         self.messages[""] = max(0, unknown - sum((+missing).values()))

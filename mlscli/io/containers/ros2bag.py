@@ -29,6 +29,7 @@ from mlscli.io.containers.ros2metadata import STORAGE, Metadata
 from mlscli.io.containers.sqlitefile import SqliteFile
 from mlscli.io.containers.streams import in_settled_order, in_time_order, united
 from mlscli.io.ros import METADATA_FILE
+from mlscli.words import some
 
 Storage: TypeAlias = SqliteFile | McapFile
 
@@ -195,7 +196,8 @@ class Ros2Bag:
         count = sum(channel.count or 0 for channel in set(self._channels.values()))
         if metadata.messages is None or metadata.messages == count:
             return
-        fault = f"{METADATA_FILE} declares {metadata.messages:,} messages, the files hold {count:,}"
+        messages = some(metadata.messages, "message")
+        fault = f"{METADATA_FILE} declares {messages}, the files hold {count:,}"
         missing = metadata.messages - count - self._found.total
         if missing > 0:
             self._found.add(fault, messages=missing)

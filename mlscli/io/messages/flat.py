@@ -25,6 +25,7 @@ from rosbags.interfaces.typing import FieldDesc, Typesdict
 
 from mlscli.io.messages.definitions import FILLER, PRIMITIVES
 from mlscli.runtime.arrays import Array
+from mlscli.words import some
 
 _Order: TypeAlias = Literal["<", ">"]
 # Reads the value at an offset in the data, and returns it with the offset after it.
@@ -71,7 +72,7 @@ class FlatReader:
         message, end = self._structure(self._type, order)(body, 0)
         # A middleware may pad a message to a multiple of four bytes.
         if not 0 <= len(body) - end <= (3 if self._is_cdr else 0):
-            raise ValueError(f"it has {len(body)} bytes, expected {end}")
+            raise ValueError(f"it has {some(len(body), 'byte')}, expected {end:,}")
         return message
 
     def _fields(self, type_: str) -> list[tuple[str, FieldDesc]]:

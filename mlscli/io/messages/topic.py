@@ -19,6 +19,7 @@ from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
 from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, CloudPart, MalformedCloudError
 from mlscli.io.ros import NANOSECONDS
 from mlscli.io.source import Clock, Cloud, PassOver, StampedPoses, Topic, Wanted, everything
+from mlscli.words import some
 
 _NO_TYPE = "no type"
 """What stands for the type of a channel without a schema."""
@@ -100,13 +101,13 @@ class TopicSource:
         """What the user should know about how it is read."""
         notes = list(self._container.notes)
         if self._skipped:
-            notes.append(f"{self.label}: {self._skipped:,} markers of other kinds hold no points")
+            notes.append(f"{self.label}: {some(self._skipped, 'marker')} of kinds without points")
         notes += [
-            f"{self.label}: in {count:,} of {self._came:,} messages, {doubt}"
+            f"{self.label}: in {count:,} of {some(self._came, 'message')}, {doubt}"
             for doubt, count in self._doubts.items()
         ]
         notes += [
-            f"{self.path}: {name}: {count:,} pose{'s' * (count > 1)} left out, not finite or with "
+            f"{self.path}: {name}: {some(count, 'pose')} left out, not finite or with "
             "a quaternion of no length"
             for name, count in self._refused.items()
         ]
@@ -118,7 +119,7 @@ class TopicSource:
         of_clouds = list(self._container.losses)
         if self._lost:
             of_clouds.append(
-                f"{self.label}: {self._lost} of {self._came} messages cannot be read, "
+                f"{self.label}: {self._lost:,} of {some(self._came, 'message')} cannot be read, "
                 f"{self._first_fault}"
             )
         return list(self._lost_beside | dict.fromkeys(of_clouds))
@@ -313,7 +314,7 @@ class TopicSource:
                     )
         finally:
             lost = [
-                f"{self.path}: {name}: {count} message{'s' * (count > 1)} cannot be read"
+                f"{self.path}: {name}: {some(count, 'message')} cannot be read"
                 for name, count in unreadable.items()
             ]
             self._refused |= +refused

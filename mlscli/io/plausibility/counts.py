@@ -11,6 +11,7 @@ import numpy as np
 from mlscli.io.plausibility.finding import Finding, doubted, refused, right
 from mlscli.io.plausibility.readings import is_scene
 from mlscli.runtime.arrays import Float64
+from mlscli.words import are, some
 
 _FAR = 10
 """Points lie within this many times the extent of the others, or there is reason to doubt them."""
@@ -21,7 +22,8 @@ _SHARE = 0.9
 
 def more_than(declared: int, there: int) -> str:
     """Return the note on a file that holds more points than its header declares."""
-    return f"its header declares {declared:,} points, and there are {there:,}; all are taken"
+    points = some(declared, "point")
+    return f"its header declares {points}, and there {are(there)} {there:,}; all are taken"
 
 
 def count_of(points: Float64, declared: int) -> Finding[int]:
@@ -45,8 +47,8 @@ def count_of(points: Float64, declared: int) -> Finding[int]:
     if is_scene(more) and _are_near(more, known):
         return doubted(len(points), more_than(declared, len(points)))
     return refused(
-        f"what follows the {declared:,} points that its header declares, room for {len(more):,} "
-        "more, is no points"
+        f"what follows the {some(declared, 'point')} that its header declares, room for "
+        f"{len(more):,} more, is no points"
     )
 
 

@@ -71,9 +71,11 @@ def repeats_as_encoded(data: UInt8, plain: UInt8, used: int) -> Finding[bool]:
         return right(True)
     best = _Judged(1 << 62, 0, 0, 0)
     # The beginning tells which of those in use to try first, as the first mostly fits.
-    usual = sorted(_USUAL, key=lambda each: _judged(data, plain, *each, best.odd, _BEGINNING)[0])
-    for encoder in (*usual, *_OTHERS):
-        judged = _Judged(*_judged(data, plain, *encoder, best.odd, len(plain)))
+    usual = sorted(
+        _USUAL, key=lambda e: _judged(data, plain, e[0], e[1], e[2], best.odd, _BEGINNING)[0]
+    )
+    for bits, kind, kept in (*usual, *_OTHERS):
+        judged = _Judged(*_judged(data, plain, bits, kind, kept, best.odd, len(plain)))
         if not judged.odd:
             return right(True)
         best = judged if judged.odd < best.odd else best

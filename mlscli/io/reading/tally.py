@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from mlscli.io.plausibility.epochs import told
+from mlscli.words import some
 
 NO_RETURN, REPEATED, NOT_FINITE = "no return", "repeated", "not finite"
 """Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
@@ -83,7 +84,8 @@ class Tally:
     def notes(self) -> Iterator[str]:
         """Yield what the user should know about which keyframes and points came."""
         for reason, count in self.left_out.items():
-            yield f"{count:,} of {self.keyframes:,} keyframes are left out: {_WHY[reason]}"
+            of = some(self.keyframes, "keyframe")
+            yield f"{count:,} of {of} are left out: {_WHY[reason]}"
         if self.jumps:
             yield (
                 f"the clock of the clouds jumps {told(self.jumps)}; `start` and `end` count on by "

@@ -98,7 +98,7 @@ def test_coordinates_that_grow_are_coordinates(tmp_path: Path, content: str) -> 
 def test_what_is_declared_is_compared_with_what_is_there(tmp_path: Path) -> None:
     more = TextCloud(text(tmp_path, "2\n" + "1.5,2,3\n" * 3))
     assert sum(len(cloud.points) for cloud in more.clouds()) == 3
-    assert ["declares 2 points and holds 3" in note for note in more.notes] == [True]
+    assert ["declares 2 points, and there are 3" in note for note in more.notes] == [True]
 
     fewer = TextCloud(text(tmp_path, "5\n" + "1.5,2,3\n" * 3))
     assert sum(len(cloud.points) for cloud in fewer.clouds()) == 3

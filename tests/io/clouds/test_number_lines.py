@@ -111,7 +111,7 @@ def test_a_number_more_in_every_row_is_told(tmp_path: Path, make: object) -> Non
     assert points_of(cloud) == POINTS
     assert cloud.losses == []
     more, lines = cloud.notes
-    assert "rows have 1 more numbers than are declared" in more
+    assert "rows have 1 number more than are declared" in more
     assert "2 lines are no points: the first is 1, found 'HEADER_EXT_START 1'" in lines
 
 
@@ -122,10 +122,12 @@ def test_rows_beyond_those_declared_are_read_and_told(tmp_path: Path, make: obje
 
     assert points_of(cloud) == POINTS
     assert cloud.losses == []
-    assert ["the 5 beyond are read, too" in note for note in cloud.notes] == [True]
+    assert [
+        "declares 4 points, and there are 9; all are taken" in note for note in cloud.notes
+    ] == [True]
     broken = make(tmp_path, rows() + "1 2\n7 8 9\n", 4)
     assert points_of(broken) == [*POINTS, [7, 8, 9]]
-    assert "1 lines beyond the declared points cannot be read" in broken.losses[0]
+    assert "1 line beyond the declared points cannot be read" in broken.losses[0]
 
 
 @pytest.mark.parametrize("more", ["", "float w"])
@@ -135,7 +137,7 @@ def test_rows_of_what_follows_are_no_points(tmp_path: Path, more: str) -> None:
     assert points_of(ply(tmp_path, body, 9, more, FACES)) == POINTS
     cloud = ply(tmp_path, body, 4, more, FACES)
     assert points_of(cloud) == POINTS
-    assert ["the 5 beyond" in note for note in cloud.notes] == [True]
+    assert ["all are taken" in note for note in cloud.notes] == [True]
 
 
 def test_a_broken_row_is_lost_and_no_other(tmp_path: Path) -> None:

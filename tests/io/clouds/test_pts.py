@@ -230,14 +230,14 @@ def test_points_beyond_the_count_are_read_and_noted(tmp_path: Path) -> None:
         assert clouds == [[[1, 2, 3], [4, 5, 6]], [[7, 8, 9], [1, 1, 1], [2, 2, 2]]]
         assert losses == []
         (note,) = notes
-        assert "fewer points than it holds; the 2 beyond" in note
+        assert "declares 3 points, and there are 5; all are taken" in note
 
 
 def test_points_beyond_one_count_make_not_up_for_those_another_scan_lacks(tmp_path: Path) -> None:
     clouds, notes, losses = read(tmp_path, "3\n1 2 3\n1\n4 5 6\n7 8 9\n1 1 1\n")
 
     assert [len(points) for points in clouds] == [1, 3]
-    assert "the 2 beyond" in notes[0]
+    assert "declares 1 point, and there are 3; all are taken" in notes[0]
     assert "2 of 6 points are missing: scan 1 ends before them" in losses[0]
 
 
