@@ -11,11 +11,17 @@ import math
 
 import numpy as np
 
-from mlscli.io.plausibility.finding import Finding, doubted, right
+from mlscli.io.plausibility.finding import Finding, doubted, refused, right
 from mlscli.runtime.arrays import Float64
 
 _APART = 2.5
 """Increments between the last beam and angle_max: many drivers set it one or two beyond."""
+
+_TURNS = 4 * math.pi
+"""A scan over more radians than two turns has none."""
+
+_DEGREES = 361.0
+"""A turn in degrees, and a beam more."""
 
 
 def angles_of(count: int, low: float, high: float, increment: float) -> Finding[Float64]:
@@ -32,9 +38,18 @@ def angles_of(count: int, low: float, high: float, increment: float) -> Finding[
     Returns
     -------
     Finding of float64 (count,)
-        By the increment, which is what viewers go by; never refused.
+        In radians, by the increment, which is what viewers go by. What spans many radians is
+        taken as degrees, and refused where it cannot be degrees either.
     """
     angles: Float64 = low + np.arange(count, dtype=np.float64) * increment
+    span = abs((count - 1) * increment)
+    if count > 1 and span > _TURNS:
+        if span > _DEGREES:
+            return refused(f"its beams span {span:g} radians, expected a turn at most")
+        return doubted(
+            np.radians(angles),
+            "its beams span more radians than two turns; they are taken as degrees",
+        )
     if count < 2 or low == high or not math.isfinite(low + high + increment):
         return right(angles)
     if abs(float(angles[-1]) - high) <= _APART * abs(increment):

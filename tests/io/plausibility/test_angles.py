@@ -56,3 +56,21 @@ def test_an_increment_that_contradicts_the_bounds_counts_and_is_told(
     assert words in found.note
     assert found.value is not None
     assert found.value.tolist() == [-math.pi + k * increment for k in range(720)]
+
+
+@pytest.mark.parametrize(("low", "step", "count"), [(-135.0, 0.5, 541), (360.0, -1.0, 361)])
+def test_angles_that_can_only_be_degrees_are_read_as_such(
+    low: float, step: float, count: int
+) -> None:
+    found = angles_of(count, low, low + (count - 1) * step, step)
+
+    assert found.note == "its beams span more radians than two turns; they are taken as degrees"
+    assert found.value is not None
+    assert np.allclose(found.value, [math.radians(low + k * step) for k in range(count)])
+
+
+def test_angles_that_are_neither_radians_nor_degrees_are_refused() -> None:
+    found = angles_of(1081, -135_000.0, 135_000.0, 250.0)
+
+    assert found.value is None
+    assert found.refusal == "its beams span 270000 radians, expected a turn at most"
