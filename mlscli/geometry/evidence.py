@@ -102,10 +102,10 @@ class Evidence:
         """Return the natural logarithm of what the attitudes say of directions (D, 3)."""
         return likelihoods(self._attitudes, self._axes, directions)
 
-    def shares(self, axis: Float64) -> tuple[float, float]:
-        """Return the shares of planes, weighted by trust, level and plumb within 15 degrees."""
+    def shares(self, axis: Float64, within: float = 15.0) -> tuple[float, float]:
+        """Return the shares of planes, weighted by trust, level and plumb within some degrees."""
         along, trust = np.abs(dots(self.surfaces.normals, axis)), self.surfaces.trust
-        both = (float((trust * which(along, 15, 15)).sum()) for which in (level, plumb))
+        both = (float((trust * which(along, within, within)).sum()) for which in (level, plumb))
         of_level, of_plumb = (share / (self.trusted or 1.0) for share in both)
         return of_level, of_plumb
 

@@ -38,6 +38,9 @@ _YIELD = 2.0
 # within this of it is the same vertical.
 CONTRADICTS = 6.0
 _SAME = math.radians(10)
+# Floors and walls that stand upright on each other, each this share of what is flat, within so many
+# degrees, give up nothing: what leans is the craft.
+_UPRIGHT, _EXACTLY = 0.1, 5.0
 # An axis this near to one of the recording's is replaced by that.
 _ROUNDING = 1e-6
 # More weight than this of the attitudes decides which way is up, whatever else there is.
@@ -189,7 +192,7 @@ def _contradict(evidence: Evidence, best: Float64, second: Float64) -> bool:
 def _refined(evidence: Evidence, axis: Float64) -> Float64:
     """Return the axis near this one that best fits level and plumb planes, and the attitudes."""
     fitted = evidence.fitted(axis)
-    if evidence.has_attitudes:
+    if evidence.has_attitudes and min(evidence.shares(fitted, _EXACTLY)) < _UPRIGHT:
         climbed = evidence.climbed(axis)
         with_floors, without = evidence.of_attitudes(np.stack((fitted, climbed))).tolist()
         if with_floors < without - _YIELD:
