@@ -107,7 +107,7 @@ class BatchGatherer:
             batch = self._batches.pop()
             part = slice(size - batch.size, size)
             points.xyz[part], points.keyframe[part] = batch.xyz, batch.keyframe
-            points.sight[part] = batch.sight
+            points.sight[part], points.noise[part] = batch.sight, batch.noise
             size -= batch.size
         return points
 

@@ -57,7 +57,7 @@ overwrite = click.option("--overwrite", is_flag=True, help="Replace the output w
 coloured = click.option(
     "--color",
     "colour",
-    type=click.Choice(("height", "origin", "variance", "count", "region", "time")),
+    type=click.Choice(("height", "origin", "variance", "uncertainty", "count", "region", "time")),
     default="height",
     show_default=True,
     help="What colours stand for.",

@@ -91,6 +91,7 @@ def map_rows(
         ("levels", levels(description["levels"])),
         ("extent", bounds(description["extent"])),
         ("area", f"{description['area']:.6g} in {some(description['cells'], 'cell')}"),
+        ("errors", _uncertainty(description["uncertainty"])),
         ("cell size", size("cell_size")),
         ("gap size", size("gap_size")),
         ("thickness", f"{description['thickness']:.6g}"),
@@ -98,6 +99,13 @@ def map_rows(
         ("regions", f"{description['regions']:,}" if description["regions"] else ""),
         ("frame", description["frame_id"]),
     ]
+
+
+def _uncertainty(told: Mapping[str, Any]) -> str:
+    if not told["known"]:
+        return "not known"
+    heights, share = some(told["known"], "height"), told["within"] / told["known"]
+    return f"{told['rms']:.3g} rms expected of {heights}, {share:.0%} below a quarter of a cell"
 
 
 def _free_space(seen: Mapping[str, Any] | None) -> str:

@@ -26,21 +26,26 @@ class Points(NamedTuple):
     sight : float32 (N, 3)
         From the craft to each point, as it was recorded; NaN where the craft's position is not
         known.
+    noise : float32 (N,)
+        Variance of the error of each height, in the square of the unit; NaN where it is not known,
+        as with all points that no stage has looked at.
     """
 
     xyz: Float64
     keyframe: Int32
     sight: Float32
+    noise: Float32
 
     @classmethod
     def of(cls, xyz: Float64, keyframe: Int32, position: Float64 | None = None) -> Points:
         """Return points (N, 3) seen from positions (N, 3), or from where is not known."""
+        noise = np.full(len(xyz), np.nan, dtype=np.float32)
         if position is None:
-            return cls(xyz, keyframe, np.full(xyz.shape, np.nan, dtype=np.float32))
+            return cls(xyz, keyframe, np.full(xyz.shape, np.nan, dtype=np.float32), noise)
         sight = xyz - position
         # What float32 cannot hold is no place of a craft.
         sight[np.abs(sight) > FARTHEST] = np.nan
-        return cls(xyz, keyframe, sight.astype(np.float32))
+        return cls(xyz, keyframe, sight.astype(np.float32), noise)
 
     @property
     def size(self) -> int:
@@ -49,7 +54,7 @@ class Points(NamedTuple):
 
     def take(self, which: Bool | Int64 | slice) -> Points:
         """Return the points that a mask, indices or a slice select."""
-        return Points(self.xyz[which], self.keyframe[which], self.sight[which])
+        return Points(self.xyz[which], self.keyframe[which], self.sight[which], self.noise[which])
 
 
 class Batch(NamedTuple):

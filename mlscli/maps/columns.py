@@ -17,6 +17,7 @@ COLUMNS: Mapping[str, np.dtype[Any]] = {
     "bottom": np.dtype(np.float64),
     "mean": np.dtype(np.float64),
     "variance": np.dtype(np.float64),
+    "noise": np.dtype(np.float32),
     "count": np.dtype(np.uint32),
     "origin": np.dtype(np.uint8),
     "moved": np.dtype(np.uint8),

@@ -262,12 +262,23 @@ def _take_in(group: Any, patch: Any) -> None:
     total = points + count
     apart = patch.mean - group.mean
     squares = group.variance * points + patch.variance * count
+    group.noise = _pooled(group.noise, points, patch.noise, count)
     group.variance = (squares + apart * apart * points * count / total) / total
     group.top = max(group.top, patch.top)
     group.mean = group.mean + apart * count / total
     group["count"] = np.uint32(total)
     group.first_keyframe = min(group.first_keyframe, patch.first_keyframe)
     group.last_keyframe = max(group.last_keyframe, patch.last_keyframe)
+
+
+@inner
+def _pooled(noise: float, points: float, other: float, count: float) -> float:
+    """Return the mean noise of all points of two patches; of one where that of the other is NaN."""
+    if noise != noise:
+        return other
+    if other != other:
+        return noise
+    return (noise * points + other * count) / (points + count)
 
 
 @inner

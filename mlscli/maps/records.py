@@ -15,7 +15,7 @@ from mlscli.maps.cells import cell_of, key_of
 from mlscli.maps.columns import COLUMNS
 from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.runtime.arrays import Array, Float64, Int32, UInt8, UInt32, UInt64
+from mlscli.runtime.arrays import Array, Float32, Float64, Int32, UInt8, UInt32, UInt64
 from mlscli.runtime.kernels import kernel
 
 PATCH = np.dtype(
@@ -32,9 +32,10 @@ PATCH = np.dtype(
         ("region", np.int32),
         ("first_keyframe", np.int32),
         ("last_keyframe", np.int32),
-        # A whole word: a record has no padding, so that records can be compared bytewise.
-        ("origin", np.uint32),
-        ("moved", np.uint32),
+        ("noise", np.float32),
+        # So wide that a record has no padding: records can be compared bytewise.
+        ("origin", np.uint16),
+        ("moved", np.uint16),
     ]
 )
 WORDS = PATCH.itemsize // 8
@@ -87,6 +88,7 @@ def _put_together(
     bottom: Float64,
     mean: Float64,
     variance: Float64,
+    noise: Float32,
     count: UInt32,
     origin: UInt8,
     moved: UInt8,
@@ -102,6 +104,7 @@ def _put_together(
         Receives the patches.
     ix, iy : int32 (P,)
     height, depth, top, bottom, mean, variance : float64 (P,)
+    noise : float32 (P,)
     count : uint32 (P,)
     origin, moved : uint8 (P,)
     region : int32 (P,)
@@ -114,7 +117,7 @@ def _put_together(
         patch.cell = key_of(ix[i], iy[i])
         patch.height, patch.depth = height[i], depth[i]
         patch.top, patch.bottom = top[i], bottom[i]
-        patch.mean, patch.variance = mean[i], variance[i]
+        patch.mean, patch.variance, patch.noise = mean[i], variance[i], noise[i]
         patch["count"], patch.origin, patch.region = count[i], origin[i], region[i]
         patch.moved = moved[i]
         patch.first_keyframe, patch.last_keyframe = first[i], last[i]
@@ -128,6 +131,7 @@ def _taken_apart(records: Any) -> Any:
     height, depth = np.empty(size), np.empty(size)
     top, bottom = np.empty(size), np.empty(size)
     mean, variance = np.empty(size), np.empty(size)
+    noise = np.empty(size, np.float32)
     count, region = np.empty(size, np.uint32), np.empty(size, np.int32)
     origin, moved = np.empty(size, np.uint8), np.empty(size, np.uint8)
     first, last = np.empty(size, np.int32), np.empty(size, np.int32)
@@ -136,9 +140,9 @@ def _taken_apart(records: Any) -> Any:
         ix[i], iy[i] = cell_of(patch.cell)
         height[i], depth[i] = patch.height, patch.depth
         top[i], bottom[i] = patch.top, patch.bottom
-        mean[i], variance[i] = patch.mean, patch.variance
+        mean[i], variance[i], noise[i] = patch.mean, patch.variance, patch.noise
         count[i], region[i] = patch["count"], patch.region
         origin[i], moved[i] = patch.origin, patch.moved
         first[i], last[i] = patch.first_keyframe, patch.last_keyframe
-    measured = top, bottom, mean, variance, count
+    measured = top, bottom, mean, variance, noise, count
     return ix, iy, height, depth, *measured, origin, moved, region, first, last

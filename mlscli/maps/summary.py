@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import Any
 
@@ -19,7 +20,10 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
     -------
     dict
         ``patches``: the total, by origin, how many are vertical, and how many measured ones a
-        stage has moved beyond their points; ``cells``: how many are
+        stage has moved beyond their points; ``uncertainty``: of how many measured patches the
+        height's error is ``known``, the root mean square ``rms`` of what it is expected to be, None
+        where of none, and how many are ``within`` a quarter of a cell by one standard deviation;
+        ``cells``: how many are
         occupied; ``levels``: how many cells hold 1, 2, ... patches; ``extent``: lower and upper
         bounds of x, y (edges of cells) and z, None for an empty map; ``area``: of the occupied
         cells, in the square of the unit; ``regions``: the greatest region number plus 1;
@@ -32,7 +36,7 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
     counted = dict.fromkeys(("total", *ORIGINS, "vertical", "moved"), 0)
     levels: Counter[int] = Counter()
     extents = []
-    regions = 0
+    regions, uncertain = 0, _Uncertainty()
     for part in parts_of(surface):
         counted["total"] += part.size
         for origin, name in enumerate(ORIGINS):
@@ -42,10 +46,12 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         for level, count in enumerate(np.bincount(np.diff(part.cells.start)).tolist()):
             levels[level] += count
         extents += _extent(part)
+        uncertain.add(part)
         regions = max(regions, int(part.region.max(initial=-1)) + 1)
     cells = sum(levels.values())
     return {
         "patches": counted,
+        "uncertainty": uncertain.told(),
         "cells": cells,
         "levels": {str(n): count for n, count in sorted(levels.items()) if n and count},
         "extent": _hull(extents),
@@ -58,6 +64,24 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         "keyframes": len(surface.route),
         "free_space": None if surface.free is None else _seen_through(surface.free, grid.cell_size),
     }
+
+
+class _Uncertainty:
+    """How uncertain heights are, from part to part of a map."""
+
+    def __init__(self) -> None:
+        self._known, self._within, self._total = 0, 0, 0.0
+
+    def add(self, part: SurfaceMap) -> None:
+        known = part.height_variance
+        known = known[~np.isnan(known)]
+        self._known += len(known)
+        self._within += int(np.count_nonzero(known <= (part.cell_size / 4) ** 2))
+        self._total += float(known.sum())
+
+    def told(self) -> dict[str, Any]:
+        rms = math.sqrt(self._total / self._known) if self._known else None
+        return {"known": self._known, "rms": rms, "within": self._within}
 
 
 def _seen_through(free: FreeSpace, cell_size: float) -> dict[str, Any]:

@@ -24,8 +24,9 @@ from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
 from mlscli.maps.patches import overlap, reach_beyond
+from mlscli.maps.uncertainty import height_variances
 from mlscli.parameters.lengths import FARTHEST
-from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt8, UInt32
+from mlscli.runtime.arrays import Array, Bool, Float32, Float64, Int32, Int64, UInt8, UInt32
 from mlscli.runtime.threads import LIGHT, in_ranges
 
 MEASURED, PLASTERED, ARTIFICIAL = 0, 1, 2
@@ -57,6 +58,9 @@ class SurfaceMap:
         means vertical.
     top, bottom, mean, variance : float64 (P,)
         Of the measured heights; NaN where the patch was inserted.
+    noise : float32 (P,)
+        Mean variance of the errors of the points' heights, as far as the stages on points told it;
+        NaN where they did not, or the patch was inserted. See `height_variance`.
     count : uint32 (P,)
         Measured points; 0 where inserted.
     origin : uint8 (P,)
@@ -89,6 +93,7 @@ class SurfaceMap:
     bottom: Float64
     mean: Float64
     variance: Float64
+    noise: Float32
     count: UInt32
     origin: UInt8
     moved: UInt8
@@ -169,6 +174,17 @@ class SurfaceMap:
     def low_end(self) -> Float64:
         """Lower end of each patch, ``height - depth``; stages see [low end, height]."""
         return self.height - self.depth
+
+    @property
+    def height_variance(self) -> Float64:
+        """Variance of the error of each height, in the square of the unit, float64 (P,).
+
+        NaN where it is not known: of inserted patches, and where `noise` is NaN. The model stands
+        in `mlscli.maps.uncertainty`.
+        """
+        statistics = self.top, self.bottom, self.mean, self.variance, self.noise, self.count
+        variances: Float64 = height_variances(self.height, self.depth, *statistics)
+        return variances
 
     @cached_property
     def cells(self) -> OccupiedCells:
@@ -268,6 +284,7 @@ class SurfaceMap:
             count=np.zeros(len(ix), dtype=np.uint32),
             origin=origin,
             moved=np.zeros(len(ix), dtype=np.uint8),
+            noise=np.full(len(ix), np.nan, dtype=np.float32),
             region=unmeasured,
             first_keyframe=unmeasured,
             last_keyframe=unmeasured,
@@ -395,6 +412,10 @@ class SurfaceMap:
             yield "mean: does not lie between bottom and top everywhere"
         if np.any(self.variance[measured] < 0):
             yield "variance: holds values below 0"
+        if np.any(~np.isnan(self.noise[~measured])):
+            yield "noise: is not NaN for every inserted patch"
+        if np.any((self.noise < 0) | np.isinf(self.noise)):
+            yield "noise: holds values below 0 or infinite ones; what is not known is NaN"
         if overlap(self.ix[measured], self.iy[measured], bottom, top):
             yield "bottom, top: measured patches of one cell overlap"
         beyond = self.beyond_points()

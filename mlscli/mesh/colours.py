@@ -4,8 +4,9 @@ The height scale runs blue, green, yellow, orange, brown at equal steps of perce
 its anchors are joined by straight lines in the Oklab space, and its entries lie evenly along
 them. Red is reserved for artificial patches, and a strong green for the route.
 
-Variance, count and time use the same scale. Inserted patches have no such value: plastered ones are
-pale, artificial ones red. Regions with successive numbers have hues that lie far apart.
+Variance, uncertainty, count and time use the same scale. Inserted patches have no such value:
+plastered ones are pale, artificial ones red. Regions with successive numbers have hues that lie far
+apart.
 
 References
 ----------
@@ -22,7 +23,9 @@ import numpy as np
 from mlscli.maps.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
-ColourBy: TypeAlias = Literal["height", "origin", "variance", "count", "region", "time"]
+ColourBy: TypeAlias = Literal[
+    "height", "origin", "variance", "uncertainty", "count", "region", "time"
+]
 COLOURS: tuple[ColourBy, ...] = get_args(ColourBy)
 
 ARTIFICIAL_RED = (224, 16, 32)
@@ -182,8 +185,9 @@ class Scale(NamedTuple):
 def scale_of(surface: SurfaceMap, by: ColourBy) -> Scale | None:
     """Return the scale of a map's colours; None for ``origin`` and ``region``, which have no scale.
 
-    Variances are given as their square roots, counts as their logarithms to base 10, times in
-    seconds since the earliest; where no time is known, the numbers of keyframes stand for times.
+    Variances and uncertainties are given as standard deviations, counts as their logarithms to base
+    10, times in seconds since the earliest; where no time is known, the numbers of keyframes stand
+    for times.
     """
     if by == "height":
         return Scale("height", surface.height, *height_range(surface))
@@ -201,6 +205,8 @@ def _amounts(surface: SurfaceMap, by: ColourBy) -> tuple[str, Float64]:
     """Return the label and the values, float64 (P,), of a quantity; NaN for inserted patches."""
     if by == "variance":
         return "standard deviation of heights", np.sqrt(surface.variance)
+    if by == "uncertainty":
+        return "standard deviation of the height's error", np.sqrt(surface.height_variance)
     if by == "count":
         points = np.where(surface.count > 0, surface.count, np.nan)
         return "points, as powers of 10", np.log10(points)

@@ -23,9 +23,11 @@ from mlscli.runtime.kernels import inner, kernel
 
 # The words of a row: the packed cell; the point as the stage reads it, its keyframe and sight in
 # halves of words; where the stage places it (a height of NaN: dropped); the square of how far the
-# stage looked (inf: not yet filtered).
-_CELL, _X, _Y, _Z, _SEEN, _MORE_SEEN, _TO_X, _TO_Y, _TO_Z, _LOOKED = range(10)
-_WORDS = 10
+# stage looked (inf: not yet filtered); its noise as the stage reads it and leaves it, in halves.
+_CELL, _X, _Y, _Z, _SEEN, _MORE_SEEN, _TO_X, _TO_Y, _TO_Z, _LOOKED, _NOISE = range(11)
+_WORDS = 11
+# The halves.
+_READ_NOISE, _LEFT_NOISE = 2 * _NOISE, 2 * _NOISE + 1
 
 
 class Outcome(NamedTuple):
@@ -107,9 +109,10 @@ class FilteredPoints:
         near = self._tiles.extract(given.cells.widened(2 * reach))
         changed = np.concatenate((removed, added))
         asked = _asked(near, near.view(np.float64), changed, changed.view(np.float64), reach)
-        xyz, looked = pipeline.evaluate_points(self._stage, _as_read(near), asked)
+        xyz, looked, noise = pipeline.evaluate_points(self._stage, _as_read(near), asked)
         before = _placed_in(near, cell_size)
-        cells, differs = _noted(near, near.view(np.float64), asked, xyz, looked)
+        views = near.view(np.float64), near.view(np.float32)
+        cells, differs = _noted(near, *views, asked, xyz, looked, noise)
         self._tiles.put(CellSet.of_keys(cells), near)
         after = _placed_in(near, cell_size)
         keys = np.concatenate(
@@ -123,11 +126,11 @@ def kept(rows: UInt64) -> Points:
     """Return the points that a stage has not dropped, as it left them."""
     size = _count_kept(rows.view(np.float64))
     xyz, keyframe = np.empty((size, 3)), np.empty(size, dtype=np.int32)
-    sight = np.empty((size, 3), dtype=np.float32)
-    _unpack_kept(
-        rows.view(np.float64), rows.view(np.int32), rows.view(np.float32), xyz, keyframe, sight
+    points = Points(
+        xyz, keyframe, np.empty((size, 3), dtype=np.float32), np.empty(size, dtype=np.float32)
     )
-    return Points(xyz, keyframe, sight)
+    _unpack_kept(rows.view(np.float64), rows.view(np.int32), rows.view(np.float32), *points)
+    return points
 
 
 @kernel
@@ -141,7 +144,13 @@ def _count_kept(floats: Float64) -> int:
 
 @kernel
 def _unpack_kept(
-    floats: Float64, ints: Int32, halves: Float32, xyz: Float64, keyframe: Int32, sight: Float32
+    floats: Float64,
+    ints: Int32,
+    halves: Float32,
+    xyz: Float64,
+    keyframe: Int32,
+    sight: Float32,
+    noise: Float32,
 ) -> None:
     """Write the points of rows that a stage has not dropped, as it left them, into arrays.
 
@@ -149,7 +158,7 @@ def _unpack_kept(
     ----------
     floats, ints, halves
         The rows, viewed as float64, int32 and float32.
-    xyz, keyframe, sight
+    xyz, keyframe, sight, noise
         Of `Points`, with room for them.
     """
     n = 0
@@ -159,20 +168,20 @@ def _unpack_kept(
         for axis in range(3):
             xyz[n, axis] = floats[i, _TO_X + axis]
             sight[n, axis] = halves[i, 2 * _SEEN + 1 + axis]
-        keyframe[n] = ints[i, 2 * _SEEN]
+        keyframe[n], noise[n] = ints[i, 2 * _SEEN], halves[i, _LEFT_NOISE]
         n += 1
 
 
 def _as_read(rows: UInt64) -> Points:
     """Return the points of rows as the stage reads them."""
-    return _points(rows, _X)
-
-
-def _points(rows: UInt64, first: int) -> Points:
-    """Return the points of rows, their coordinates from the words that begin with `first`."""
-    xyz = np.ascontiguousarray(rows.view(np.float64)[:, first : first + 3])
-    sight = np.ascontiguousarray(rows.view(np.float32)[:, 2 * _SEEN + 1 : 2 * _SEEN + 4])
-    return Points(xyz, np.ascontiguousarray(rows.view(np.int32)[:, 2 * _SEEN]), sight)
+    halves = rows.view(np.float32)
+    columns = (
+        rows.view(np.float64)[:, _X : _Z + 1],
+        rows.view(np.int32)[:, 2 * _SEEN],
+        halves[:, 2 * _SEEN + 1 : 2 * _SEEN + 4],
+        halves[:, _READ_NOISE],
+    )
+    return Points(*map(np.ascontiguousarray, columns))
 
 
 def _rows_of(points: Points, cell_size: float) -> UInt64:
@@ -182,7 +191,9 @@ def _rows_of(points: Points, cell_size: float) -> UInt64:
     rows[:, _CELL] = pack(*cells_of(points.xyz, cell_size))
     floats[:, _X : _Z + 1] = floats[:, _TO_X : _TO_Z + 1] = points.xyz
     rows.view(np.int32)[:, 2 * _SEEN] = points.keyframe
-    rows.view(np.float32)[:, 2 * _SEEN + 1 : 2 * _SEEN + 4] = points.sight
+    halves = rows.view(np.float32)
+    halves[:, 2 * _SEEN + 1 : 2 * _SEEN + 4] = points.sight
+    halves[:, _READ_NOISE] = halves[:, _LEFT_NOISE] = points.noise
     floats[:, _LOOKED] = np.inf
     return rows[np.argsort(rows[:, _CELL], kind="stable")]
 
@@ -198,6 +209,8 @@ def _passed_on(rows: UInt64) -> UInt64:
     floats = rows.view(np.float64)
     floats[:, _X : _Z + 1] = floats[:, _TO_X : _TO_Z + 1]
     floats[:, _LOOKED] = np.inf
+    halves = rows.view(np.float32)
+    halves[:, _READ_NOISE] = halves[:, _LEFT_NOISE]
     return rows
 
 
@@ -272,9 +285,25 @@ def _first_from(rows: UInt64, cell: np.uint64) -> int:
 
 @kernel
 def _noted(
-    rows: UInt64, floats: Float64, asked: Bool, xyz: Float64, looked: Float64
+    rows: UInt64,
+    floats: Float64,
+    halves: Float32,
+    asked: Bool,
+    xyz: Float64,
+    looked: Float64,
+    noise: Float32,
 ) -> tuple[UInt64, Bool]:
     """Write a stage's results for the points asked for into their rows.
+
+    Parameters
+    ----------
+    rows : uint64 (N, _WORDS)
+    floats, halves
+        The rows, viewed as float64 and float32.
+    asked : bool (N,)
+        The points asked for.
+    xyz, looked, noise
+        What became of the points, as in `Evaluated`.
 
     Returns
     -------
@@ -294,7 +323,15 @@ def _noted(
         differs[i] = floats[i, _LOOKED] == np.inf
         for axis in range(3):
             before, after = floats[i, _TO_X + axis], xyz[i, axis]
-            differs[i] |= not (before == after or (np.isnan(before) and np.isnan(after)))
+            differs[i] |= not _same(before, after)
             floats[i, _TO_X + axis] = after
+        differs[i] |= not _same(halves[i, _LEFT_NOISE], noise[i])
+        halves[i, _LEFT_NOISE] = noise[i]
         floats[i, _LOOKED] = looked[i]
     return cells[:noted], differs
+
+
+@inner
+def _same(one: float, other: float) -> bool:
+    """Return whether two numbers are equal, or both NaN."""
+    return bool(one == other or (np.isnan(one) and np.isnan(other)))

@@ -14,9 +14,13 @@ from mlscli.maps.grid import Grid
 from mlscli.maps.patches import begins_group, shapes_of
 from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.pipeline.stages.ordering import cells_of, order_by_cell
-from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt32
+from mlscli.runtime.arrays import Array, Float32, Float64, Int32, Int64, UInt32
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
+
+# Steps of an error's variance in the square of a cell, and the greatest that counts, in these
+# squares: whole numbers add up exactly in any order.
+_STEPS, _GREATEST = 2.0**24, 2.0**10
 
 
 def group(points: Points, grid: Grid) -> SurfaceMap:
@@ -42,8 +46,8 @@ def group(points: Points, grid: Grid) -> SurfaceMap:
     def summarise_groups(begin: int, end: int) -> None:
         part = {name: column[begin:end] for name, column in new.items()}
         summarise(
-            start[begin : end + 1], order, z, points.keyframe,
-            part["top"], part["bottom"], part["mean"], part["variance"],
+            start[begin : end + 1], order, z, points.keyframe, points.noise, grid.cell_size,
+            part["top"], part["bottom"], part["mean"], part["variance"], part["noise"],
             part["count"], part["first_keyframe"], part["last_keyframe"],
         )  # fmt: skip
         part["ix"][:], part["iy"][:] = (axis[of_cell[begin:end]] for axis in cells[:2])
@@ -95,10 +99,13 @@ def summarise(
     order: Array,
     z: Float64,
     keyframe: Int32,
+    errors: Float32,
+    unit: float,
     top: Float64,
     bottom: Float64,
     mean: Float64,
     variance: Float64,
+    noise: Float32,
     count: UInt32,
     first: Int32,
     last: Int32,
@@ -115,8 +122,14 @@ def summarise(
         Heights, ascending in each group.
     keyframe : int32 (N,)
         The keyframe of each point, by its number.
+    errors : float32 (N,)
+        The variance of the error of each point's height, by its number; NaN where not known.
+    unit : float
+        A length of the size of usual errors, in which they are rounded.
     top, bottom, mean, variance : float64 (G,)
         Receive the statistics of the heights of each group.
+    noise : float32 (G,)
+        Receives the mean of the errors known; NaN where none is.
     count : uint32 (G,)
         Receives the numbers of points.
     first, last : int32 (G,)
@@ -125,14 +138,19 @@ def summarise(
     for g in range(len(start) - 1):
         lowest, highest, size = z[start[g]], z[start[g + 1] - 1], start[g + 1] - start[g]
         earliest = latest = keyframe[order[start[g]]]
-        above = 0.0
+        above, known, total = 0.0, 0, 0
         for i in range(start[g], start[g + 1]):
             above += z[i] - lowest
             earliest = min(earliest, keyframe[order[i]])
             latest = max(latest, keyframe[order[i]])
+            error = errors[order[i]]
+            if error == error:
+                known += 1
+                total += int(np.rint(min(error / (unit * unit), _GREATEST) * _STEPS))
         average = min(highest, lowest + above / size)
         squares = 0.0
         for i in range(start[g], start[g + 1]):
             squares += (z[i] - average) * (z[i] - average)
         bottom[g], top[g], mean[g], variance[g] = lowest, highest, average, squares / size
+        noise[g] = unit * unit * total / (_STEPS * known) if known else np.nan
         count[g], first[g], last[g] = size, earliest, latest

@@ -87,6 +87,7 @@ def truth(
         bottom=bottom + 0.0,
         mean=average + 0.0,
         variance=spread,
+        noise=np.full(len(ix), np.nan, dtype=np.float32),
         count=np.ones(len(ix), dtype=np.uint32),
         origin=np.zeros(len(ix), dtype=np.uint8),
         moved=np.zeros(len(ix), dtype=np.uint8),

@@ -42,12 +42,14 @@ class Colouring(NamedTuple):
 def colourings(surface: SurfaceMap) -> list[Colouring]:
     """Return the ways to colour a map, ``height`` first.
 
-    ``region`` is left out where no patch has one, ``time`` where there are fewer than two
-    keyframes.
+    ``region`` is left out where no patch has one, ``uncertainty`` where that of no height is known,
+    ``time`` where there are fewer than two keyframes.
     """
     missing = set()
     if not (surface.region >= 0).any():
         missing.add("region")
+    if np.isnan(surface.noise).all():
+        missing.add("uncertainty")
     if len(surface.route) < 2:
         missing.add("time")
     return [_colouring(surface, by) for by in COLOURS if by not in missing]
@@ -82,7 +84,8 @@ def _kinds(by: ColourBy) -> list[tuple[Colour, str]]:
         ]
     if by == "height":
         return [(plastered, "lighter: in a gap that the craft cannot pass"), _WIDER]
-    return [(PALE, "plastered: nobody measured it"), _WIDER]
+    unknown = "plastered, or not known" if by == "uncertainty" else "plastered: nobody measured it"
+    return [(PALE, unknown), _WIDER]
 
 
 def _colour(row: UInt8) -> Colour:

@@ -32,6 +32,11 @@ def test_of_a_map_it_tells_patches_levels_and_what_made_it(tmp_path: Path) -> No
         "total": 6, "measured": 5, "plastered": 0, "artificial": 1, "vertical": 1, "moved": 0,
     }  # fmt: skip
     assert told["levels"] == {"1": 2, "2": 2}
+    variance = surface.height_variance[surface.origin == 0]
+    known, rms, within = told["uncertainty"].values()
+    assert (known, within) == (5, int(np.sum(variance <= 0.125**2)))
+    assert abs(rms - np.sqrt(np.mean(variance))) < 1e-12
+    assert " rms expected of 5 heights, " in text.stdout
     assert told["extent"] == {"x": [0.0, 2.0], "y": [0.0, 0.5], "z": [0.0, 3.0]}
     assert told["meta"]["sources"] == ["flight.bag"]
     assert told["up"] == "z"

@@ -62,6 +62,7 @@ def map_of(patches: list[Patch], gap_size: float = GAP, cell_size: float = CELL)
         "bottom": top - given["depth"],
         "mean": top - given["depth"] / 2,
         "variance": np.where(measured, given["depth"] ** 2 / 4, np.nan),
+        "noise": np.where(measured, given["count"] / 1024, np.nan).astype(np.float32),
         "moved": np.zeros(len(rows), dtype=np.uint8),
         "first_keyframe": np.where(measured, 0, -1).astype(np.int32),
         "last_keyframe": np.where(measured, (given["count"] % KEYFRAMES).astype(np.int32), -1),
@@ -142,7 +143,8 @@ def turned_points(points: Points, symmetry: tuple[bool, bool, bool]) -> Points:
     signs = np.array((-1 if negate_x else 1, -1 if negate_y else 1, 1), dtype=np.float32)
     axes = [1, 0, 2] if swap else [0, 1, 2]
     xyz = np.ascontiguousarray((points.xyz * signs)[:, axes]) + 0.0
-    return Points(xyz, points.keyframe, np.ascontiguousarray((points.sight * signs)[:, axes]))
+    sight = np.ascontiguousarray((points.sight * signs)[:, axes])
+    return points._replace(xyz=xyz, sight=sight)
 
 
 def turned_map(surface: SurfaceMap, symmetry: tuple[bool, bool, bool]) -> SurfaceMap:

@@ -96,10 +96,12 @@ def measured(
     points: Points, cell_size: float, gap_size: float, thickness: float
 ) -> list[dict[str, float]]:
     """Return a row for each measured patch."""
-    columns: dict[tuple[int, int], list[tuple[float, int]]] = {}
-    for (x, y, z), keyframe in zip(points.xyz.tolist(), points.keyframe.tolist(), strict=True):
+    columns: dict[tuple[int, int], list[tuple[float, int, float]]] = {}
+    for (x, y, z), keyframe, noise in zip(
+        points.xyz.tolist(), points.keyframe.tolist(), points.noise.tolist(), strict=True
+    ):
         cell = math.floor(x / cell_size), math.floor(y / cell_size)
-        columns.setdefault(cell, []).append((z, keyframe))
+        columns.setdefault(cell, []).append((z, keyframe, noise))
     rows = []
     for (ix, iy), column in sorted(columns.items()):
         column.sort()
@@ -109,7 +111,8 @@ def measured(
                 groups.append([])
             groups[-1].append(upper)
         for group in groups:
-            z = [height for height, _ in group]
+            z = [height for height, _, _ in group]
+            known = [noise for _, _, noise in group if not math.isnan(noise)]
             bottom, top, count = z[0], z[-1], len(z)
             above = 0.0
             for height in z:
@@ -117,7 +120,7 @@ def measured(
             mean = min(top, bottom + above / count)
             squares = 0.0
             for height in z:
-                squares += (height - mean) ** 2
+                squares += (height - mean) * (height - mean)
             variance = squares / count
             vertical = min(top - bottom, math.sqrt(12 * variance)) > thickness
             rows.append(
@@ -130,12 +133,13 @@ def measured(
                     "bottom": bottom,
                     "mean": mean,
                     "variance": variance,
+                    "noise": sum(known) / len(known) if known else math.nan,
                     "count": count,
                     "origin": 0,
                     "moved": 0,
                     "region": -1,
-                    "first_keyframe": min(keyframe for _, keyframe in group),
-                    "last_keyframe": max(keyframe for _, keyframe in group),
+                    "first_keyframe": min(keyframe for _, keyframe, _ in group),
+                    "last_keyframe": max(keyframe for _, keyframe, _ in group),
                 }
             )
     return rows

@@ -33,7 +33,7 @@ class Onlooker(PointStage):
         progress: Callable[[int], None] | None = None,  # noqa: ARG002
     ) -> Evaluated:
         self.look_at(points)
-        return Evaluated(points.xyz, np.zeros(points.size))
+        return Evaluated(points.xyz, np.zeros(points.size), points.noise)
 
     @abstractmethod
     def look_at(self, points: Points) -> None:

@@ -166,6 +166,7 @@ FAULTS: dict[str, dict[str, Any]] = {
     "bottom": {"bottom": np.array([1.0, 2.5, 1.0])},
     "mean": {"mean": np.array([1.5, 2.75, NAN])},
     "variance": {"variance": np.array([0.0, -1.0, NAN])},
+    "noise": {"noise": np.array([0.0, -1.0, NAN], dtype=np.float32)},
     "count": {"count": np.array([3, 0, 0], dtype=np.uint32)},
     "origin": {"origin": np.array([0, 0, 3], dtype=np.uint8)},
     "region": {"region": np.array([-1, -2, 0], dtype=np.int32)},

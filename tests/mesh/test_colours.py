@@ -133,7 +133,7 @@ def test_artificial_patches_are_red_but_by_region(by: ColourBy) -> None:
     assert (painted(by)[-1] == list(ARTIFICIAL_RED)) == (by != "region")
 
 
-@pytest.mark.parametrize("by", ["variance", "count", "time"])
+@pytest.mark.parametrize("by", ["variance", "uncertainty", "count", "time"])
 def test_what_nobody_measured_is_pale_where_measurements_are_shown(by: ColourBy) -> None:
     assert painted(by)[-2] == list(PALE)
 
@@ -145,6 +145,14 @@ def test_variances_are_shown_as_standard_deviations_and_times_from_the_first_on(
     assert time is not None
     assert time.value[:9].tolist() == list(range(9))
     assert "(s)" in time.label
+
+
+def test_uncertainties_are_shown_as_standard_deviations() -> None:
+    surface = three_kinds()
+    scale = scale_of(surface, "uncertainty")
+    assert scale is not None
+    assert (scale.value[:9] ** 2).tolist() == pytest.approx(surface.height_variance[:9].tolist())
+    assert np.isnan(scale.value[9:]).all()
 
 
 def test_counts_are_shown_as_powers_of_ten() -> None:

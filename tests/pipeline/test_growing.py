@@ -91,7 +91,7 @@ def batches_of(points: Points, size: int) -> Iterator[Points]:
 
 def together(batches: Iterable[Points]) -> Points:
     columns = zip(gather([]).points, *batches, strict=True)
-    return Points.of(*(np.concatenate(column) for column in columns))
+    return Points(*(np.concatenate(column) for column in columns))
 
 
 def _dropped(points: Points, given_parameters: Parameters) -> dict[str, int]:

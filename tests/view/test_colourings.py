@@ -28,6 +28,7 @@ def line() -> SurfaceMap:
         surface,
         count=(10 ** (number / 25)).astype(np.uint32),
         variance=(number / 100) ** 2,
+        noise=np.zeros(len(number), dtype=np.float32),
         first_keyframe=number.astype(np.int32),
         last_keyframe=number.astype(np.int32),
         region=number.astype(np.int32),
@@ -50,7 +51,12 @@ def test_patches_have_the_colours_of_the_mesh(by: ColourBy) -> None:
 
 
 @pytest.mark.parametrize(
-    ("by", "low", "high"), [("time", 1.0, 49.0), ("variance", 0.02, 0.98), ("count", 1, 8128)]
+    ("by", "low", "high"),
+    [
+        ("time", 1.0, 49.0),
+        ("variance", 0.02, 0.98),
+        ("count", 1, 8128),
+    ],
 )
 def test_the_ends_of_a_scale_are_what_has_its_first_and_last_colour(
     by: ColourBy, low: float, high: float
@@ -76,5 +82,6 @@ def test_kinds_are_the_colours_that_patches_of_them_have() -> None:
 
 def test_what_a_map_does_not_tell_is_not_offered() -> None:
     assert list(named(line())) == list(COLOURS)
-    bare = replace(a_map(*plane(3, 3)), route=np.full((1, 4), np.nan))
+    unknown = np.full(9, np.nan, dtype=np.float32)
+    bare = replace(a_map(*plane(3, 3)), route=np.full((1, 4), np.nan), noise=unknown)
     assert list(named(bare)) == ["height", "origin", "variance", "count"]

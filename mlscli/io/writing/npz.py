@@ -1,7 +1,8 @@
-"""Maps as `.npz` files, format version 2: one array per column, no pickles.
+"""Maps as `.npz` files, format version 3: one array per column, no pickles.
 
 Version 1 had no array `moved`. It is read as well: which patches were moved follows from the rest.
-Arrays of free space, with names that begin with ``free_``, are there only if they were asked for.
+Version 2 had no `noise`, which then is not known. Arrays of free space, with names that begin with
+``free_``, are there only if they were asked for.
 
 The arrays are stored without compression, each with a fixed date, so that equal maps from equal
 sources make equal files. A reader trusts nothing: names, types, shapes and sizes are checked
@@ -32,9 +33,9 @@ from mlscli.maps.stored_map import StoredMap, column_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array
 
-FORMAT, VERSION = "mls-map", 2
+FORMAT, VERSION = "mls-map", 3
 # What earlier versions did not have.
-_ADDED = {1: ("moved",), VERSION: ()}
+_ADDED = {1: ("moved", "noise"), 2: ("noise",), VERSION: ()}
 # The largest factor by which deflated data grow; a file that claims more is refused.
 DENSEST = 1032
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -120,7 +121,7 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
         }
         patches = members.shape("ix")
         arrays |= {
-            name: np.zeros(patches[:1], dtype)
+            name: np.full(patches[:1], np.nan if dtype.kind == "f" else 0, dtype)
             if name in _ADDED[version]
             else members.array(name, dtype, patches[:1])
             for name, dtype in COLUMNS.items()

@@ -194,7 +194,7 @@ def _passage(low: float, high: float, slope: float, reach: float) -> tuple[float
 @inner
 def crossing(
     near: Float64, size: int, limit: float, reach: float, window: float, needed: float
-) -> float:
+) -> tuple[float, int]:
     """Return how far beyond its point a ray meets the surface of the points around it.
 
     Parameters
@@ -215,8 +215,10 @@ def crossing(
 
     Returns
     -------
-    float
+    beyond : float
         NaN: there is no such surface, or the point does not lie close to it.
+    size : int
+        How many points form it.
     """
     level, across, depth = near[LEVEL], near[ACROSS], near[DEPTH]
     steps = _STEPS / reach
@@ -241,7 +243,7 @@ def crossing(
                 aa, bb, ab = aa + a * a, bb + b * b, ab + a * b
                 at, bt = at + a * t, bt + b * t
         if several < _FEWEST:
-            return np.nan
+            return np.nan, 0
         aa, bb, ab = several * aa - sa * sa, several * bb - sb * sb, several * ab - sa * sb
         at, bt = several * at - sa * st, several * bt - sb * st
         aa, bb = aa + several * several * blur, bb + several * several * blur
@@ -257,7 +259,7 @@ def crossing(
             near[SQUARED, size] = there
             size += 1
     if size < needed:
-        return np.nan
+        return np.nan, size
     found = near[SQUARED]
     beyond = nth_of(found, found, size, size // 2)
     if size % 2 == 0:
@@ -266,4 +268,4 @@ def crossing(
         for j in range(size // 2):
             lower = max(lower, found[j])
         beyond = (lower + beyond) / 2
-    return beyond / steps if abs(beyond) <= close else np.nan
+    return (beyond / steps if abs(beyond) <= close else np.nan), size

@@ -37,11 +37,19 @@ import numpy as np
 from mlscli.keyframes.batches import Points
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
-from mlscli.pipeline.stages.nearest import HEIGHT, ROOM, ROWS, SQUARED, middle, neighbours
+from mlscli.pipeline.stages.nearest import (
+    HEIGHT,
+    ROOM,
+    ROWS,
+    SQUARED,
+    error_of,
+    middle,
+    neighbours,
+)
 from mlscli.pipeline.stages.point_grid import PointGrid, columns_around, gather
 from mlscli.pipeline.stages.slope import carry
 from mlscli.pipeline.stages.stage import Evaluated, Fault, PointStage
-from mlscli.runtime.arrays import Array, Bool, Float64, Int64
+from mlscli.runtime.arrays import Array, Bool, Float32, Float64, Int64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
 
@@ -132,20 +140,20 @@ class Median(PointStage):
         progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
         """Return the median heights of points; see `PointStage.evaluate`."""
-        height, looked = self._heights(points.xyz, cell_size, asked, progress)
+        height, looked, noise = self._heights(points, cell_size, asked, progress)
         # Only now, as the search takes memory, too.
         xyz = points.xyz.copy()
         xyz[:, 2] = height
-        return Evaluated(xyz, looked)
+        return Evaluated(xyz, looked, noise)
 
     def _heights(
         self,
-        xyz: Float64,
+        points: Points,
         cell_size: float,
         asked: Bool | None,
         progress: Callable[[int], None] | None,
-    ) -> tuple[Float64, Float64]:
-        """Return the new heights of points, NaN where dropped, and how far was looked."""
+    ) -> tuple[Float64, Float64, Float32]:
+        """Return the heights of points, NaN where dropped, how far was looked, and their noise."""
         rule = Rule(
             in_units(self.nb_radius, cell_size),
             self.max_nb,
@@ -156,16 +164,17 @@ class Median(PointStage):
             float(self.max_slope),
             float(self.column_share),
         )
-        grid = PointGrid.of(xyz, rule.radius)
-        height = np.empty(len(xyz))
+        grid = PointGrid.of(points.xyz, rule.radius)
+        height, noise = np.empty(points.size), np.empty(points.size, dtype=np.float32)
         which = _ALL if asked is None else asked
         looked = np.empty(len(which))
 
         def filter_points(begin: int, end: int) -> None:
-            _filter(grid, *grid.columns(begin, end), rule, which, height, looked)
+            _filter(grid, *grid.columns(begin, end), rule, which, height, looked, noise)
 
-        in_ranges(len(xyz), filter_points, progress)
-        return height, looked
+        in_ranges(points.size, filter_points, progress)
+        _add(points.noise, noise)
+        return height, looked, noise
 
 
 class Rule(NamedTuple):
@@ -208,6 +217,7 @@ def _filter(
     asked: Bool,
     height: Float64,
     looked: Float64,
+    errors: Float32,
 ) -> None:
     """Filter those points of columns `begin` to `end` that are asked for.
 
@@ -224,6 +234,8 @@ def _filter(
         Receives the new heights; NaN: dropped.
     looked : float64 (N,)
         Receives the squares of how far the search went; not used where `asked` is empty.
+    errors : float32 (N,)
+        Receives the variances of the medians' errors, and what `_add` reads; NaN: not known.
     """
     fine = grid.fine
     near = np.empty((ROWS, ROOM))
@@ -236,8 +248,26 @@ def _filter(
                 last = min(first + _TOGETHER, fine[number + 1])
                 if _any_asked(asked, grid.order, first, last):
                     near, reached = _filter_together(
-                        grid, around, first, last, rule, reached, near, asked, height, looked
+                        grid, around, first, last, rule, reached, near,
+                        asked, height, looked, errors,
                     )  # fmt: skip
+
+
+@kernel
+def _add(noise: Float32, errors: Float32) -> None:
+    """Add the variances that were known before, `noise`; of two, one or both may be NaN.
+
+    An error below 0 is, negated, that of a point that keeps its height: it counts only where
+    nothing was known.
+    """
+    for i in range(len(noise)):
+        known = noise[i] == noise[i]
+        if errors[i] != errors[i] or (errors[i] < 0.0 and known):
+            errors[i] = noise[i]
+        elif errors[i] < 0.0:
+            errors[i] = -errors[i]
+        elif known:
+            errors[i] += noise[i]
 
 
 @inner
@@ -252,6 +282,7 @@ def _filter_together(
     asked: Bool,
     height: Float64,
     looked: Float64,
+    errors: Float32,
 ) -> tuple[Float64, float]:
     """Filter those of points `first` to `last`, of one fine column, that are asked for.
 
@@ -268,7 +299,7 @@ def _filter_together(
         How far the neighbours of the last points reached, on average.
     near : float64 (ROWS, M)
         A buffer.
-    asked, height, looked
+    asked, height, looked, errors
         As in `_filter`.
 
     Returns
@@ -292,7 +323,7 @@ def _filter_together(
         point, z = order[i], xyz[i, 2]
         if len(asked) and not asked[point]:
             continue
-        new, farthest = np.nan, 0.0
+        new, farthest, error = np.nan, 0.0, np.nan
         for again in (False, True):
             there, there_size, itself = near, size, own + i - first
             if cut and not low <= z <= high:
@@ -314,16 +345,18 @@ def _filter_together(
                     break
             if rule.max_slope > 0.0:
                 place = (xyz[i, 0], xyz[i, 1], z)
-                n = carry(there, there_size, place, limit, radius, rule.max_slope)
+                n, across = carry(there, there_size, place, limit, radius, rule.max_slope)
+                error = -across
             new = z
             if n >= 0:
                 there[HEIGHT, n] = z
                 new = middle(there[HEIGHT], there[SQUARED], n + 1)
+                error = error_of(new, there[HEIGHT], there[SQUARED], n + 1)
             # Far from its surface a point sees the near side of it only: look from there.
             if not 0 < rule.recentre < abs(new - z):
                 break
             z = new
-        height[point] = new
+        height[point], errors[point] = new, error
         if len(asked):
             looked[point] = farthest
     return near, reaches / several if several else reached

@@ -19,6 +19,9 @@ _RETRY_GROWTH = 1.5
 _TRIALS = 12
 # At most so many heights are sorted faster without a branch.
 _FEW_HEIGHTS = 32
+# Of normal values with the standard deviation 1, those from the lowest eighth to the median lie so
+# far below it on average, and so far does the quartile; a median of fewer says nothing.
+_INNER, _QUARTILE, _FEWEST_SPREAD = 0.5149, 0.6745, 2
 # Rows of a buffer after x, y, z of the points around: squared distances, and heights of those that
 # count. Then the number of rows, and the length at first.
 SQUARED, HEIGHT, ROWS, ROOM = 3, 4, 5, 256
@@ -160,6 +163,34 @@ def middle(heights: Float64, others: Float64, n: int) -> float:
             heights[j], least = max(height, least), min(height, least)
         heights[place] = least
     return float(heights[n // 2])
+
+
+@inner
+def error_of(median: float, heights: Float64, others: Float64, n: int) -> float:
+    """Return the variance of the error of a median of n heights; NaN: too few to tell.
+
+    It follows from how far the lower of them lie from it, those far below left out, which can be
+    outliers: `middle` has sorted these. Few heights lie farther from their median than many.
+
+    Parameters
+    ----------
+    median : float
+        What `middle` returned.
+    heights, others : float64
+        As `middle` left them; they are reordered again.
+    n : int
+    """
+    if n < _FEWEST_SPREAD:
+        return np.nan
+    if n > _FEW_HEIGHTS:
+        below = median - nth_of(heights, others, n // 2, n // 4)
+        return below * below * (np.pi / 2.0 / _QUARTILE**2) / n
+    below = 0.0
+    for place in range(n // 8, n // 2):
+        below += median - heights[place]
+    inner = n // 2 - n // 8
+    # One division: this runs for every point.
+    return below * below * (np.pi / 2.0 / _INNER**2) / (inner * inner * n)
 
 
 @inner

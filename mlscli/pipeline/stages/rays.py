@@ -37,7 +37,7 @@ from mlscli.pipeline.stages.beam import ROOM, ROWS, SQUARED, Ray, Seen, around, 
 from mlscli.pipeline.stages.nearest import nth_of
 from mlscli.pipeline.stages.point_grid import PointGrid
 from mlscli.pipeline.stages.stage import Evaluated, Fault, PointStage
-from mlscli.runtime.arrays import Bool, Float64
+from mlscli.runtime.arrays import Bool, Float32, Float64
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.threads import in_ranges
 
@@ -49,6 +49,9 @@ _WINDOW = 3.0
 # How much farther from the ray than the last point's neighbours the next ones are sought at first,
 # and how much the search grows.
 _MARGIN, _GROWTH = 1.4, 1.5
+# The variance of the median of n values of a normal distribution cut off at one and a half standard
+# deviations is so many times theirs, divided by n.
+_OF_MEDIAN = 1.178
 # The search begins with no less than the radius divided by this.
 _NEAREST = 64
 
@@ -108,16 +111,22 @@ class Rays(PointStage):
         """Return where points are moved to; see `PointStage.evaluate`."""
         looked = np.zeros(0 if asked is None else points.size)
         if self.noise in ("auto", 0):
-            return Evaluated(points.xyz, looked)
+            return Evaluated(points.xyz, looked, points.noise)
         distance = np.sqrt((points.sight.astype(np.float64) ** 2).sum(axis=1))
         with np.errstate(over="ignore"):
             # Of how far a point may lie, all that counts is whether it exceeds the search.
             sigma = np.nan_to_num(float(self.noise) * distance * distance)
+        known = distance > 0.0
+        ahead = np.zeros_like(points.xyz)
+        ahead[known] = points.sight[known] / distance[known, None]
+        with np.errstate(over="ignore"):
+            upwards = (sigma * ahead[:, 2]) ** 2
+            noise = np.where(known, upwards, np.nan).astype(np.float32)
         uncertain = sigma > _LEAST * cell_size
         if asked is not None:
             uncertain &= asked
         if not uncertain.any():
-            return Evaluated(points.xyz, looked)
+            return Evaluated(points.xyz, looked, noise)
         xyz = points.xyz.copy()
         rule = Rule(
             in_units(self.depth, cell_size),
@@ -128,18 +137,15 @@ class Rays(PointStage):
             float(self.min_share),
         )
         grid = PointGrid.of(points.xyz, rule.radius)
-        known = distance > 0.0
-        ahead = np.zeros_like(points.xyz)
-        ahead[known] = points.sight[known] / distance[known, None]
         seen = Seen(ahead[grid.order], sigma[grid.order])
 
         def move(begin: int, end: int) -> None:
-            _move(grid, seen, *grid.columns(begin, end), rule, uncertain, xyz, looked)
+            _move(grid, seen, *grid.columns(begin, end), rule, uncertain, xyz, looked, noise)
 
         in_ranges(points.size, move, progress)
         outside = np.flatnonzero(~on_grid(xyz, cell_size))
         xyz[outside] = points.xyz[outside]
-        return Evaluated(xyz, looked)
+        return Evaluated(xyz, looked, noise)
 
 
 class Rule(NamedTuple):
@@ -175,6 +181,7 @@ def _move(
     uncertain: Bool,
     xyz: Float64,
     looked: Float64,
+    noise: Float32,
 ) -> None:
     """Move those points of columns `begin` to `end` that are uncertain.
 
@@ -192,6 +199,8 @@ def _move(
         The points; receives where they are moved to, and a height of NaN where they are dropped.
     looked : float64 (N,) or (0,)
         Receives the squares of how far the search went; not used where it is empty.
+    noise : float32 (N,)
+        The variances of the heights' errors; receives those of points that are moved.
     """
     near = np.empty((ROWS, ROOM))
     found = rule.radius
@@ -223,8 +232,9 @@ def _move(
                 looked[point] = far * far
             window = min(_WINDOW * seen.sigma[i], rule.depth)
             needed = max(float(rule.min_nb), rule.min_share * count)
-            beyond = crossing(near, size, limit, rule.depth, window, needed)
+            beyond, several = crossing(near, size, limit, rule.depth, window, needed)
             xyz[point, 2] += beyond * ray.ahead[2]
             if beyond == beyond:
                 xyz[point, 0] += beyond * ray.ahead[0]
                 xyz[point, 1] += beyond * ray.ahead[1]
+                noise[point] *= np.float32(_OF_MEDIAN / several)

@@ -35,7 +35,7 @@ def carry(
     limit: float,
     radius: float,
     steepest: float,
-) -> int:
+) -> tuple[int, float]:
     """Carry the heights of a point's neighbours along their slope to the point's x and y.
 
     All points at squared distances of at most `limit` are neighbours.
@@ -56,8 +56,11 @@ def carry(
 
     Returns
     -------
-    int
+    n : int
         The number of neighbours; -1: they lie on no such slope.
+    across : float
+        Where they stand upright, the variance of their places about a line, seen from above: noise
+        that the point's height has, too. Otherwise NaN.
     """
     xs, ys, zs, squared, heights = near[0], near[1], near[2], near[SQUARED], near[HEIGHT]
     x, y, z = place
@@ -68,7 +71,7 @@ def carry(
         heights[n] = j
         n += squared[j] <= limit
     if n < _FEWEST:
-        return -1
+        return -1, np.nan
     sx = sy = sz = xx = yy = zz = xy = xz = yz = 0.0
     for i in range(n):
         j = int(heights[i])
@@ -87,13 +90,13 @@ def carry(
     across = ((xx + yy) - np.sqrt((xx - yy) * (xx - yy) + 4.0 * (xy * xy))) / 2.0
     determinant = xx * yy - xy * xy
     if not determinant > 0.0:
-        return -1
+        return -1, np.nan
     along_x = (xz * yy - yz * xy) / determinant
     along_y = (yz * xx - xz * xy) / determinant
     scatter = zz - (along_x * xz + along_y * yz)
     if _UPRIGHT * across <= scatter or along_x * along_x + along_y * along_y > steepest * steepest:
-        return -1
+        return -1, max(0.0, across) / (several * several * steps * steps)
     for i in range(n):
         j = int(heights[i])
         heights[i] = zs[j] - (along_x * (xs[j] - x) + along_y * (ys[j] - y))
-    return n
+    return n, np.nan

@@ -18,7 +18,7 @@ from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import Limits
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Length
-from mlscli.runtime.arrays import Bool, Float64
+from mlscli.runtime.arrays import Bool, Float32, Float64
 from mlscli.runtime.kernels import kernel
 
 if TYPE_CHECKING:
@@ -71,10 +71,13 @@ class Evaluated(NamedTuple):
     looked : float64 (N,)
         The square of the distance up to which the stage looked for others: a point farther away in
         x and y cannot change the result. Empty where no mask of points was given.
+    noise : float32 (N,)
+        Variance of the error of each new height, as in `Points`.
     """
 
     xyz: Float64
     looked: Float64
+    noise: Float32
 
 
 @dataclass(frozen=True)
@@ -114,12 +117,12 @@ class PointStage(Stage):
         self, points: Points, cell_size: float, progress: Callable[[int], None] | None = None
     ) -> Points:
         """Return the points that stay, in their order, where the stage places them."""
-        xyz = self.evaluate(points, cell_size, progress=progress).xyz
+        xyz, _, noise = self.evaluate(points, cell_size, progress=progress)
         stays = ~np.isnan(xyz[:, 2])
         if stays.all():
-            return points._replace(xyz=xyz)
-        keyframe, sight = points.keyframe[stays], points.sight[stays]
-        return Points(xyz[: _close_up(xyz, stays)], keyframe, sight)
+            return points._replace(xyz=xyz, noise=noise)
+        keyframe, sight, noise = points.keyframe[stays], points.sight[stays], noise[stays]
+        return Points(xyz[: _close_up(xyz, stays)], keyframe, sight, noise)
 
 
 @kernel

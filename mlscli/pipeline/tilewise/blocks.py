@@ -16,7 +16,7 @@ from mlscli.runtime.arrays import Array, Bool, Float64, Int32, Int64, UInt64
 # A block is 2**4 cells wide: a fraction of the margin that the default pipeline needs.
 BLOCK_BITS = 4
 
-# A point: the fields of `Points`.
+# A point: the fields of `Points`, but no noise, of which nothing is known yet.
 POINT = np.dtype([("xyz", np.float64, (3,)), ("keyframe", np.int32), ("sight", np.float32, (3,))])
 
 
@@ -91,8 +91,8 @@ class PointBlocks:
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
         records = np.empty(points.size, POINT)
-        for name, column in points._asdict().items():
-            records[name] = column[order]
+        for name in POINT.fields or ():
+            records[name] = getattr(points, name)[order]
         start = runs(keys)
         self._runs.append(SortedPoints(keys[start[:-1]], start, self._put(records)))
 
@@ -129,7 +129,8 @@ class PointBlocks:
         blocks = Limits(*(None if end is None else end >> self.shift for end in limits))
         parts = [part for run in self._runs for part in _slices_within(run, blocks)]
         records = np.concatenate([np.empty(0, POINT), *parts])
-        points = Points._make(np.ascontiguousarray(records[name]) for name in Points._fields)
+        columns = [np.ascontiguousarray(records[name]) for name in POINT.fields or ()]
+        points = Points._make([*columns, np.full(len(records), np.nan, dtype=np.float32)])
         return points.take(limits.contain(*cells_of(points.xyz, self._cell_size)))
 
 

@@ -63,7 +63,7 @@ def test_numpy_reads_the_file_without_pickles(surface: SurfaceMap, written: Path
     with np.load(written, allow_pickle=False) as arrays:
         assert sorted(arrays) == sorted(ARRAYS)
         assert str(arrays["format"]) == "mls-map"
-        assert int(arrays["version"]) == 2
+        assert int(arrays["version"]) == 3
         for name, dtype in COLUMNS.items():
             assert arrays[name].dtype == dtype
             np.testing.assert_array_equal(arrays[name], getattr(surface, name))
@@ -198,7 +198,7 @@ def test_a_failed_write_leaves_nothing(surface: SurfaceMap, tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("version", [0, 3])
+@pytest.mark.parametrize("version", [0, 4])
 def test_another_version_is_refused(written: Path, version: int) -> None:
     rewrite(written, version=np.array(version))
     with pytest.raises(InputError, match=rf"version: is {version}; this program reads versions 1 "):
@@ -213,8 +213,16 @@ def test_a_map_of_version_1_is_read_and_what_was_moved_in_it_is_found(
     drawn = surface.with_columns(depth=surface.depth + (surface.depth > 0) * 0.1)
     assert drawn.moved.sum() == (walls == 0).sum()
     write_map(written, drawn, overwrite=True)
-    rewrite(written, version=np.array(1), moved=None)
-    assert read_map(written) == drawn
+    rewrite(written, version=np.array(1), moved=None, noise=None)
+    unknown = np.full(drawn.size, np.nan, dtype=np.float32)
+    assert read_map(written) == replace(drawn, noise=unknown)
+
+
+def test_in_a_map_of_version_2_no_noise_is_known(surface: SurfaceMap, written: Path) -> None:
+    rewrite(written, version=np.array(2), noise=None)
+    back = read_map(written)
+    assert np.isnan(back.height_variance).all()
+    assert replace(back, noise=surface.noise) == surface
 
 
 def test_a_map_out_of_order_or_with_odd_meta_is_refused(written: Path) -> None:
@@ -242,7 +250,7 @@ def test_free_space_is_kept_and_each_of_its_arrays_is_checked(
     write_map(path, replace(surface, free=free), overwrite=True)
     with np.load(path) as kept:
         good = dict(kept)
-    assert int(good["version"]) == 2
+    assert int(good["version"]) == 3
     for name, dtype in FREE_COLUMNS.items():
         column = good[f"free_{name}"]
         assert column.dtype == dtype
