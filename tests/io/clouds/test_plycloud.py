@@ -26,11 +26,12 @@ from mlscli.runtime.arrays import Float64
 from tests.helpers.damage import cut, flipped, read_damaged
 from tests.helpers.meshes import house, open3d
 
-# The names of the format's description, as struct writes them.
+# The names of the format's description, and those that writers added, as struct writes them.
 TYPES = {
     "char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I",
     "float": "f", "double": "d", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
     "int32": "i", "uint32": "I", "float32": "f", "float64": "d",
+    "int64": "q", "uint64": "Q", "half": "e", "float16": "e", "bool": "B",
 }  # fmt: skip
 COUNTS = [name for name, code in TYPES.items() if code in "bBhHiI"]
 
@@ -53,9 +54,14 @@ XYZ = ["property float x", "property float y", "property float z"]
 
 def value(type_: str) -> st.SearchStrategy[Any]:
     code = TYPES[type_]
+    if code == "e":
+        return st.floats(-60_000, 60_000, width=16)
     if code in "fd":
         return st.floats(-1e6, 1e6, width=32 if code == "f" else 64)
-    bits = 8 * struct.calcsize(f"={code}")
+    if type_ == "bool":
+        return st.integers(0, 1)
+    # Larger integers are no float64.
+    bits = min(8 * struct.calcsize(f"={code}"), 53)
     low, high = (0, 2**bits - 1) if code.isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
     return st.integers(low, high)
 
