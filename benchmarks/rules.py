@@ -40,7 +40,7 @@ THESIS = {
 # They belong together: with a share asked for, more neighbours count, and fewer must be there.
 _OF_MEDIAN = {
     f"median.{name}"
-    for name in ("max_nb", "min_nb", "level", "min_share", "column_share", "max_slope")
+    for name in ("max_nb", "min_nb", "level", "min_share", "layer_share", "max_slope")
 }
 TUNED = (("bridge", "bridge-walls", "house", "planes", "planes-walls"), (11, 12))
 _OTHERS = (
@@ -75,8 +75,9 @@ def settings() -> dict[str, dict[str, str]]:
         ("median.recentre", ("0.5 cells", "1 cell")),
         ("median.min_nb", ("3", "6")),
         ("median.max_nb", ("16", "32")),
-        ("median.min_share", ("0.2", "0.4")),
-        ("median.column_share", ("0", "0.05", "0.2")),
+        ("median.level", ("0.5 cells", "1 cell")),
+        ("median.min_share", ("0.3", "0.5")),
+        ("median.layer_share", ("0", "0.2", "0.4")),
         ("median.max_slope", ("0", "1")),
         ("median.nb_radius", ("2.5 cells", "4 cells")),
         ("orphans.horizontal", ("2 cells", "4 cells")),

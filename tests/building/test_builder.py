@@ -254,7 +254,7 @@ def test_what_the_reader_dropped_and_what_the_stages_dropped_are_both_told(tmp_p
     cloud.write_text("\n".join([*rows, "nan 0 0", "50 50 50"]))
     surface = build_map(open_recording(cloud, frame="hall"), loads("map: {cell_size: 0.1}"))
     account = surface.meta["points"]
-    assert account["dropped"] == {"median": 1, "not finite": 1}
+    assert account["dropped"] == {"orphans": 1, "not finite": 1}
     assert account["read"] == account["kept"] + 2 == 402
     assert surface.frame_id == "hall"
 

@@ -59,7 +59,7 @@ def test_the_summary_as_json_has_the_numbers_of_the_map(folder: Path) -> None:
         "--set",
         "median.nb_radius=0.11",
         "--set",
-        "median.column_share=0",
+        "median.layer_share=0",
     )
     done = mls("build", "flight.txt", "-o", "a.npz", "--json", *arguments, cwd=folder)
     account = json.loads(done.stdout)
@@ -290,7 +290,7 @@ BAD_INPUT = {
     "a map of nothing": (
         ["flight.txt", "--columns", "x,y,z,keyframe", "--set", "map.cell_size=0.0001"],
         1,
-        "no point is left to map: of 400 read, dropped were 400 (median)",
+        "no point is left to map: of 400 read, dropped were 400 (orphans)",
     ),
     "standard input": (["-"], 1, "standard input is not read"),
     "a trajectory for a cloud": (["tum.txt"], 1, "name the cloud, and this file after --route"),

@@ -53,10 +53,10 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
                 max_nb=24,
                 min_nb=4,
                 recentre=Cells(0.75),
-                level=Cells(1),
-                min_share=0.3,
+                level=Cells(0.75),
+                min_share=0.4,
                 max_slope=2.0,
-                column_share=0.1,
+                layer_share=0.3,
             ),
             Orphans(horizontal=Cells(3), vertical=Cells(1), min_neighbours=1, min_share=0.03),
             Walls(

@@ -47,7 +47,7 @@ _median = st.builds(Median, **_of_median) | st.builds(
     level=st.sampled_from([0.3, Cells(1)]),
     min_share=st.sampled_from([0.0, 0.3]),
     max_slope=st.sampled_from([0.0, 0.4, 2.0]),
-    column_share=st.sampled_from([0.0, 0.1, 0.6]),
+    layer_share=st.sampled_from([0.0, 0.3, 0.9]),
 )
 _orphans = st.builds(
     Orphans,

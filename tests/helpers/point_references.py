@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +22,7 @@ def median(
     recentre: float = 0.0,
     level: float = math.inf,
     min_share: float = 0.0,
-    column_share: float = 0.0,
+    layer_share: float = 0.0,
 ) -> list[tuple[Point, int]]:
     rows = [tuple(row) for row in points.xyz.tolist()]
 
@@ -42,13 +43,12 @@ def median(
         around = neighbours(i, z)
         speak = [other for other in around if abs(other - z) <= level]
         if len(speak) < max(min_nb, min_share * len(around)):
-            column = [
-                oz
-                for j, (ox, oy, oz) in enumerate(rows)
-                if i != j and (ox - x) * (ox - x) + (oy - y) * (oy - y) <= nb_radius * nb_radius
-            ]
-            alike = sum(abs(oz - z) <= level for oz in column)
-            if not column_share or alike < max(2, column_share * len(column)):
+            layers = Counter(
+                min(max(round((oz - z) / (2 * level)), -31), 31)
+                for ox, oy, oz in rows
+                if (ox - x) * (ox - x) + (oy - y) * (oy - y) <= nb_radius * nb_radius
+            )
+            if not layer_share or layers[0] * len(layers) < layer_share * layers.total():
                 continue
         heights = sorted([z, *neighbours(i, z)])
         middle = heights[len(heights) // 2]

@@ -10,13 +10,20 @@ An outlier's neighbours all lie on the near side of a noisy surface, so that it 
 below it. With `recentre`, a point whose height moves by more than that takes the median once more,
 of its new height and of the neighbours that it has there.
 
-Two rules are better than the thesis's on real clouds, where whole regions are thin, and where walls
-end. With `level`, a point is held against its own surroundings: only neighbours that lie at most so
-far above or below it speak for it, at least `min_nb` of them, and at least the share `min_share` of
-all; the others lie on a surface that the point is not part of. With `column_share`, a point for
-which too few of them speak is kept all the same where at least that share of the points around it,
-at any height, lies level with it: where little was seen, little is enough. With `max_slope`,
-heights are compared along the slope on which the neighbours lie (see
+Three rules are better than the thesis's on real clouds, where whole regions are thin, and where
+walls end. With `level`, a point is held against its own surroundings: only neighbours that lie at
+most so far above or below it speak for it, at least `min_nb` of them, and at least the share
+`min_share` of all; the others lie on a surface that the point is not part of.
+
+With `layer_share`, a point for which too few of them speak is kept all the same where its layer is
+not much thinner than others: where little was seen, little is enough. All points at horizontal
+distances of at most `nb_radius`, whatever their heights, are put into layers ``2 * level`` thick,
+the point itself in the middle of its own: into layer ``rint(dz / (2 * level))``, those beyond 31
+into the 31st, up and down. The point is kept if its layer holds, itself counted, at least that
+share of what those that hold any hold in the mean. Outliers have all heights: each is alone in a
+layer beside those of surfaces that were seen well.
+
+With `max_slope`, heights are compared along the slope on which the neighbours lie (see
 `mlscli.pipeline.stages.slope`); those at the distance of the last that counts count as well. Where
 they lie on no slope up to that one, along walls, trunks and poles, the point keeps its height: a
 median would move the ends of what is upright towards its middle.
@@ -59,8 +66,8 @@ _TOGETHER = 16
 _FIRST_MARGIN = 1.4
 # The search begins with no less than the radius divided by this.
 _NEAREST = 64
-# Fewer points level with another say nothing, however few there are around.
-_FEWEST_LEVEL = 2
+# Layers this far above or below a point's own, and beyond, are one.
+_FARTHEST_LAYER = 31
 # The mask that stands for all points.
 _ALL = np.empty(0, dtype=np.bool_)
 
@@ -99,10 +106,10 @@ class Median(PointStage):
         "on none, the point keeps its height; 0: heights are compared as they are",
         low=0,
     )
-    column_share: float = parameter(
+    layer_share: float = parameter(
         0.0,
-        "a point for which too few neighbours speak is kept if at least two others lie level with "
-        "it, and this share of all within nb_radius sideways, whatever their heights; 0: never",
+        "a point for which too few neighbours speak is kept if those level with it are this share "
+        "of what lies, in the mean, in a layer of all heights around; 0: never, see level",
         low=0,
         high=1,
     )
@@ -121,11 +128,11 @@ class Median(PointStage):
                 f"{self.min_share} does nothing where level is 0, as all neighbours speak for a "
                 "point; set level, such as 1 cells, or min_share: 0",
             )
-        if self.column_share > 0 and in_units(self.level, 1.0) == 0:
+        if self.layer_share > 0 and in_units(self.level, 1.0) == 0:
             yield Fault(
-                "column_share",
-                f"{self.column_share} does nothing where level is 0; set level, such as 1 cells, "
-                "or column_share: 0",
+                "layer_share",
+                f"{self.layer_share} does nothing where level is 0; set level, such as 1 cells, "
+                "or layer_share: 0",
             )
 
     def reach(self, cell_size: float) -> int:
@@ -162,7 +169,7 @@ class Median(PointStage):
             in_units(self.level, cell_size) or np.inf,
             float(self.min_share),
             float(self.max_slope),
-            float(self.column_share),
+            float(self.layer_share),
         )
         grid = PointGrid.of(points.xyz, rule.radius)
         height, noise = np.empty(points.size), np.empty(points.size, dtype=np.float32)
@@ -194,8 +201,8 @@ class Rule(NamedTuple):
         The least share of the neighbours that must speak for a point.
     max_slope : float
         The steepest slope along which heights are compared; 0: along none.
-    column_share : float
-        The share of the points around it, at any height, that is enough to keep it; 0: none is.
+    layer_share : float
+        The share of the mean layer around it that is enough in its own to keep it; 0: none is.
     """
 
     radius: float
@@ -205,7 +212,7 @@ class Rule(NamedTuple):
     level: float
     min_share: float
     max_slope: float
-    column_share: float
+    layer_share: float
 
 
 @kernel
@@ -338,7 +345,7 @@ def _filter_together(
                 reaches += np.sqrt(limit)
                 several += 1
             if not again and not _belongs(there[HEIGHT], n, z, rule):
-                if rule.column_share == 0.0:
+                if rule.layer_share == 0.0:
                     break
                 farthest = radius * radius
                 if not _stands_out(grid, around, i, rule):
@@ -373,17 +380,24 @@ def _belongs(heights: Float64, n: int, z: float, rule: Rule) -> bool:
 
 @inner
 def _stands_out(grid: PointGrid, around: Int64, i: int, rule: Rule) -> bool:
-    """Return whether enough of all points around point i, at any height, lie level with it."""
+    """Return whether enough of all points around point i, at any height, lie in its layer."""
     xyz, fine, first = grid.xyz, grid.fine, grid.first
     x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-    level, everything = -1, -1  # The point itself is one of them.
+    level, everything, occupied = 0, 0, np.int64(0)
     for column in around:
         for j in range(fine[first[column]], fine[first[column + 1]]):
             dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
             if dx * dx + dy * dy <= rule.radius * rule.radius:
+                layer = np.rint((xyz[j, 2] - z) / (2.0 * rule.level))
+                layer = min(max(layer, -_FARTHEST_LAYER), _FARTHEST_LAYER)
                 everything += 1
-                level += abs(xyz[j, 2] - z) <= rule.level
-    return bool(level >= _FEWEST_LEVEL and level >= rule.column_share * everything)
+                level += layer == 0
+                occupied |= np.int64(1) << np.int64(layer + _FARTHEST_LAYER)
+    layers = 0
+    while occupied:
+        occupied &= occupied - 1  # The lowest bit goes.
+        layers += 1
+    return bool(level * layers >= rule.layer_share * everything)
 
 
 @inner

@@ -69,9 +69,9 @@ def test_where_little_was_seen_little_is_enough_as_the_rule_says() -> None:
         points = random_points(rng)
         most, least = int(rng.choice([0, 4, 9])), int(rng.integers(2, 6))
         rule = 0.8, most, least, 0.1, float(rng.choice([0.0625, 0.25])), float(rng.choice([0, 0.5]))
-        share = float(rng.choice([0.1, 0.3, 0.6]))
+        share = float(rng.choice([0.3, 0.6, 0.9]))
         expected = references.median(points, *rule, share)
-        assert rows(Median(*rule, column_share=share).apply(points, 0.5)) == expected
+        assert rows(Median(*rule, layer_share=share).apply(points, 0.5)) == expected
         dropped += points.size - len(expected)
         kept += len(expected) - len(references.median(points, *rule))
     assert min(dropped, kept) > 500
@@ -85,9 +85,20 @@ def test_a_thin_line_in_the_open_stays_and_outliers_over_a_floor_go() -> None:
     points = Points.of(np.concatenate((floor, wire, over)), np.zeros(817, dtype=np.int32))
     usual = Median(1.0, 24, 5, 0, 0.3, 0.3, 2.0)
     assert (usual.apply(points, 0.35).xyz[:, 0] > 5).sum() == 0
-    kept = replace(usual, column_share=0.1).apply(points, 0.35).xyz
+    kept = replace(usual, layer_share=0.3).apply(points, 0.35).xyz
     assert (kept[:, 0] > 5).sum() == 9
     assert kept[kept[:, 0] < 5, 2].max() < 0.2
+
+
+def test_a_mast_over_a_floor_stays_as_all_its_layers_are_thin() -> None:
+    rng = np.random.default_rng(13)
+    floor = np.c_[rng.uniform(0, 4, (400, 2)), rng.normal(0, 0.03, 400)]
+    mast = np.c_[rng.normal(2, 0.02, (48, 2)), np.linspace(1, 13, 48)]
+    over = np.c_[rng.uniform(0.5, 1, (3, 2)), [3.0, 6.0, 9.0]]
+    points = Points.of(np.concatenate((floor, mast, over)), np.zeros(451, dtype=np.int32))
+    kept = Median(1.0, 24, 9, 0, 0.3, 0.3, 2.0, 0.3).apply(points, 0.35).xyz
+    assert (kept[:, 2] > 0.5).sum() == 48
+    assert Median(1.0, 24, 9, 0, 0.3, 0.3, 2.0).apply(points, 0.35).xyz[:, 2].max() < 0.5
 
 
 def test_heights_are_compared_along_the_slope_as_the_rule_says() -> None:
