@@ -172,7 +172,7 @@ def test_walls_are_seen_from_the_side_and_switched_alone(page: Browser) -> None:
 
 def test_colours_stand_for_what_is_chosen(page: Browser) -> None:
     names = page.evaluate("[...document.querySelector('#colouring').options].map((o) => o.value)")
-    assert names == ["height", "origin", "variance", "count", "time"]
+    assert names == ["height", "origin", "variance", "uncertainty", "count", "time"]
     page.key("t")
     x, y = (int(place) for place in middle(page))
     # West and east of the deck, away from what is artificial: the flight went from west to east.
@@ -193,7 +193,7 @@ def test_colours_stand_for_what_is_chosen(page: Browser) -> None:
     assert (by_origin[west].reshape(-1, 3) == by_origin[east].reshape(-1, 3)[0]).all()
     assert page.evaluate("document.querySelector('#ramp').hidden")
     assert reddish(by_origin) == pytest.approx(red, rel=0.05)
-    for _ in range(4):
+    for _ in range(5):
         page.key("c")
     # But for a row of pixels where two triangles meet, which the renderer gives to either.
     assert (page.picture() != by_height).any(axis=2).mean() < 1e-3 < (by_time != by_height).mean()
