@@ -224,7 +224,7 @@ def test_each_key_of_a_preset_has_a_comment(preset: str) -> None:
 
 
 def test_a_name_of_no_preset_and_no_file_is_told_the_nearest() -> None:
-    with pytest.raises(InputError, match=r"thess: .*did you mean thesis\?"):
+    with pytest.raises(ConfigError, match=r"thess: .*did you mean thesis\?"):
         load("thess")
 
 

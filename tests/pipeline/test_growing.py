@@ -174,7 +174,7 @@ def test_a_recorded_flight_grows_alike_in_batches_of_any_size(
 ) -> None:
     recording = mlscli.open_recording(shared_data / "sparse" / name, **options)
     xyz = np.concatenate([keyframe.points for keyframe in recording.keyframes()])
-    given_parameters = mlscli.load_parameters(None, ["map.cell_size=0.05"])
+    given_parameters = mlscli.load_parameters(None, ["map.cell_size=0.05", "map.gap_size=null"])
     ends = np.cumsum([20, 52, 80, 300, 1000] * (len(xyz) // 1452 + 1))
     clouds = np.split(xyz, ends[ends < len(xyz)])
     batches = [
