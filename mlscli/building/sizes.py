@@ -14,9 +14,10 @@ What tells levels apart depends on walls: see `mlscli.building.gap_size`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import NoneType
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,9 @@ from mlscli.words import some
 
 # The scene is what lies between these shares of the points, in x and in y.
 _OUTSIDE = 0.01
+# A map of so many cells along its longer side shows nothing of so many points, and a gap so many
+# times as high as the vehicle hides what it could fly through.
+_FEW_CELLS, _MANY_POINTS, _MANY_TIMES = 2, 100, 3.0
 # Cells are coarse beyond this share of the scene's longer side.
 _COARSE = 0.1
 # And the scene has too many of them beyond this number.
@@ -119,6 +123,34 @@ def fit_sizes(
     if parameters.map.gap_size == AUTO:
         settled, reasons["gap_size"] = with_gap_size(parameters, cell_size, rough)
     return FittedSizes(settled, reasons, list(_doubts(cell_size, rough, sides)))
+
+
+def given_size_doubts(described: Mapping[str, Any], vehicle_height: float) -> list[str]:
+    """Return what is doubtful of sizes that were given, now that the map is there.
+
+    Parameters
+    ----------
+    described : mapping
+        The map, as `mlscli.maps.summary.describe` has it, its ``sizes``, the reasons for those that
+        were found, and its ``points``.
+    vehicle_height : float
+        In the unit of the map.
+    """
+    doubts = []
+    size, gap = described["cell_size"], described["gap_size"]
+    sides = [high - low for low, high in (described["extent"][axis] for axis in "xy")]
+    few = max(sides) <= _FEW_CELLS * size and described["points"]["kept"] >= _MANY_POINTS
+    if few and "cell_size" not in described["sizes"]:
+        doubts.append(
+            f"map.cell_size {size:g}: all of the map lies in {some(described['cells'], 'cell')}; "
+            "sizes are in the unit of the recording, and auto finds one that suits"
+        )
+    if gap > _MANY_TIMES * vehicle_height:
+        doubts.append(
+            f"map.gap_size {gap:g}: is more than {_MANY_TIMES:g} times the height of the vehicle, "
+            f"{vehicle_height:g}; levels that it could fly between become one"
+        )
+    return doubts
 
 
 def auto_cell_size(xyz: Float64) -> float:

@@ -117,6 +117,7 @@ def command(
     """
     from mlscli.building.build import build
     from mlscli.building.large import build_large
+    from mlscli.building.sizes import given_size_doubts
     from mlscli.config import load
     from mlscli.io.reading.recording import open_recording
     from mlscli.io.writing.atomic import refuse_existing
@@ -175,6 +176,8 @@ def command(
             say(f"mls: {note}")
     for loss in recording.losses:
         say(f"mls: warning: {loss}")
+    for doubt in given_size_doubts(account, account["vehicle"]["height"]):
+        say(f"mls: {doubt}")
     seconds = time.perf_counter() - begin
     account |= {"seconds": {"total": seconds, **built.report.seconds}}
     account |= {"points_per_second": account["points"]["read"] / seconds}

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import stat
 import tempfile
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +21,10 @@ from mlscli.errors import OutputError, UsageError
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.runtime.arrays import Float64
+
+_PREFIX = "mls-view-"
+# Pages in temporary folders are kept for a day (s).
+_KEPT = 86_400.0
 
 
 @click.command()
@@ -64,12 +73,26 @@ def command(
     from mlscli.view.page import write_page
 
     cloud = _points(surface, points) if points else None
-    target = html or str(Path(tempfile.mkdtemp(prefix="mls-view-")) / f"{map_file.stem}.html")
+    target = html or str(_new_folder() / f"{map_file.stem}.html")
     counts = write_page(target, surface, title=map_file.stem, points=cloud, overwrite=overwrite)
     held = ", ".join(f"{count:,} {name}" for name, count in counts.items())
     click.echo(f"{target}: {held}")
     if html is None:
         _open(target)
+
+
+def _new_folder() -> Path:
+    """Return a new temporary folder for a page; those of earlier days are removed.
+
+    The browser reads a page after this program has ended, so that none can be removed at its end.
+    """
+    for old in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        with suppress(OSError):
+            told = old.lstat()
+            is_old = told.st_mtime < time.time() - _KEPT
+            if stat.S_ISDIR(told.st_mode) and told.st_uid == os.getuid() and is_old:
+                shutil.rmtree(old)
+    return Path(tempfile.mkdtemp(prefix=_PREFIX))
 
 
 def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:

@@ -402,3 +402,19 @@ def test_a_map_that_is_published_again_is_told_and_its_last_message_can_be_taken
     done = mls("build", "slam.bag", "--latest", "--cumulative", "-o", "no.npz", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "mls: --latest: does not go with --cumulative; leave one of them out\n"
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("map.cell_size=1", "mls: map.cell_size 1: all of the map lies in 4 cells; "),
+        ("map.gap_size=10 cells", "mls: map.gap_size 2: is more than 3 times the height of the v"),
+        ("map.gap_size=9 cells", ""),
+    ],
+)
+def test_sizes_beyond_reason_are_doubted(folder: Path, setting: str, words: str) -> None:
+    sets = ("--set", "map.cell_size=0.2", "--set", setting)
+    done = mls("build", "flight.txt", "--columns", "x,y,z,-", *sets, "-c", "plain", cwd=folder)
+    assert done.returncode == 0
+    assert done.stderr.startswith(words)
+    assert done.stderr.count("\n") == bool(words)

@@ -6,7 +6,9 @@ otherwise than the map's were.
 
 from __future__ import annotations
 
+import os
 import sys
+import tempfile
 import webbrowser
 from dataclasses import replace
 from pathlib import Path
@@ -66,6 +68,27 @@ def test_without_a_name_the_browser_opens_a_temporary_page(
     assert result.exit_code == 0, result.exception
     (page,) = folder.glob("*/house.html")
     assert opened == [page.as_uri()]
+
+
+def test_temporary_pages_of_earlier_days_are_removed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setattr(webbrowser, "open", lambda _: True)
+    old, new, other = (folder / name for name in ("mls-view-old", "mls-view-new", "else"))
+    for kept in (old, new, other):
+        kept.mkdir()
+        (kept / "house.html").touch()
+    for aged in (old, other):
+        os.utime(aged, (0, 0))
+    (folder / "mls-view-link").symlink_to(other)
+
+    assert view().exit_code == 0
+
+    assert not old.exists()
+    assert (new / "house.html").exists()
+    assert (other / "house.html").exists()
+    assert len(list(folder.glob("mls-view-*/house.html"))) == 3
 
 
 @pytest.mark.usefixtures("folder")

@@ -124,6 +124,29 @@ def opened(path: Path, messages: Iterable[Told], kind: str = "ros1", **options: 
     return open_recording(write_told(path / "flight", told, kind), **options)
 
 
+def at(x: float) -> Pose:
+    return (x, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+
+def recorded(told: Told, seconds: float, topic: str = "") -> Told:
+    """Return a message recorded at another time, so many seconds after the beginning."""
+    when = (BEGIN + 1000) * SECOND + round(seconds * SECOND)
+    return told._replace(log_time=when, topic=topic or told.topic)
+
+
+def run(
+    begin: float, shift: float, times: range = range(11), parent: str = "map", topic: str = "/tf"
+) -> list[Told]:
+    """Return the transforms of a run: at k s after its beginning the craft is at k + shift."""
+    return [
+        recorded(transform(k, parent, "base_link", at(k + shift)), begin + k, topic) for k in times
+    ]
+
+
+def seen(begin: float, *times: float, frame: str = "base_link") -> list[Told]:
+    return [recorded(cloud(k, frame), begin + k + 0.01) for k in times]
+
+
 def clouds_of(recording: Recording) -> list[Float64]:
     return [keyframe.points for keyframe in recording.keyframes()]
 

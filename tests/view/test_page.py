@@ -240,7 +240,7 @@ def test_the_slider_uncovers_the_map(page: Browser) -> None:
     for keyframe in (0, 10, 20, 30):
         page.evaluate(slide % keyframe)
         page.settle()
-        assert f"keyframe {keyframe} of 40, {keyframe / 2:.1f} s" == page.text("#keyframe")
+        assert f"keyframe {keyframe + 1} of 41, {keyframe / 2:.1f} s" == page.text("#keyframe")
         grown.append(painted(page))
     assert grown == sorted(set(grown))
     # The deck comes last: until then the ground is seen, and read, in its place.
@@ -253,10 +253,10 @@ def test_the_slider_uncovers_the_map(page: Browser) -> None:
 def test_the_flight_plays_to_its_end(page: Browser) -> None:
     page.key(",")
     page.key(",")
-    assert page.text("#keyframe").startswith("keyframe 38 ")
+    assert page.text("#keyframe").startswith("keyframe 39 ")
     page.key(" ")
     page.wait("document.querySelector('#play').textContent === '▶'")
-    assert page.text("#keyframe").startswith("keyframe 40 ")
+    assert page.text("#keyframe").startswith("keyframe 41 ")
 
 
 def test_dragging_turns_and_the_wheel_zooms_towards_the_cursor(page: Browser) -> None:

@@ -76,7 +76,7 @@ async function main() {
     if (moved[i]) parts.push("moved beyond its points");
     if (count[i]) {
       parts.push(`${count[i]} point${count[i] > 1 ? "s" : ""}`);
-      const [first, final] = [first_keyframe[i], last_keyframe[i]];
+      const [first, final] = [first_keyframe[i] + 1, last_keyframe[i] + 1];
       if (last > 0) parts.push(first < final ? `keyframes ${first} to ${final}` : `keyframe ${first}`);
     }
     return `${at}\n${parts.join(", ")}`;
@@ -178,7 +178,8 @@ async function main() {
     state.latest = Math.max(0, Math.min(last, Math.round(keyframe)));
     element("slider").value = state.latest;
     const time = map.times ? `, ${map.times[state.latest].toFixed(1)} s` : "";
-    element("keyframe").textContent = `keyframe ${state.latest} of ${last}${time}`;
+    // Counted from 1, as by every command.
+    element("keyframe").textContent = `keyframe ${state.latest + 1} of ${last + 1}${time}`;
     redraw();
   }
 

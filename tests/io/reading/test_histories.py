@@ -21,9 +21,9 @@ from tests.helpers.craft import (
     FIRST,
     MOUNT,
     POINTS,
-    SECOND,
     Pose,
     assert_near,
+    at,
     cloud,
     clouds_of,
     matrix,
@@ -32,36 +32,16 @@ from tests.helpers.craft import (
     odometry,
     opened,
     positions_of,
+    recorded,
+    run,
+    seen,
     transform,
 )
-
-
-def at(x: float) -> Pose:
-    return (x, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 
 def xs(recording: Recording) -> list[float]:
     """Return how far along x each cloud has been moved."""
     return [round(float(points[0, 0] - POINTS[0, 0]), 6) for points in clouds_of(recording)]
-
-
-def recorded(told: Told, seconds: float, topic: str = "") -> Told:
-    """Return a message recorded at another time, so many seconds after the beginning."""
-    when = (BEGIN + 1000) * SECOND + round(seconds * SECOND)
-    return told._replace(log_time=when, topic=topic or told.topic)
-
-
-def run(
-    begin: float, shift: float, times: range = range(11), parent: str = "map", topic: str = "/tf"
-) -> list[Told]:
-    """Return the transforms of a run: at k s after its beginning the craft is at k + shift."""
-    return [
-        recorded(transform(k, parent, "base_link", at(k + shift)), begin + k, topic) for k in times
-    ]
-
-
-def seen(begin: float, *times: float, frame: str = "base_link") -> list[Told]:
-    return [recorded(cloud(k, frame), begin + k + 0.01) for k in times]
 
 
 def left_out(recording: Recording) -> dict[str, int]:

@@ -14,8 +14,18 @@ import pytest
 
 from mlscli.errors import InputError
 from tests.helpers.bags import Told
-from tests.helpers.craft import cloud, odometry, opened, positions_of, transform
-from tests.io.reading.test_histories import at, recorded, run, seen, xs
+from tests.helpers.craft import (
+    at,
+    cloud,
+    odometry,
+    opened,
+    positions_of,
+    recorded,
+    run,
+    seen,
+    transform,
+)
+from tests.io.reading.test_histories import xs
 
 TIMES = range(12)
 
