@@ -43,9 +43,9 @@ def command(source: str, places: tuple[str, ...], least: int, as_json: bool) -> 
     """Say what a map holds at places: levels, and free space between them.
 
     The levels of the cell in which a place lies are told from above, each with its origin, how many
-    points measured it, and their standard deviation (sigma). Space is free only where the map says
-    that it was seen through (mls build --free-space); all other space is unknown. Of a place with a
-    z it is said, too, how far the levels below and above it are.
+    points measured it, their standard deviation (sigma), and that of the height's error. Space is
+    free only where the map says that it was seen through (mls build --free-space); all other space
+    is unknown. Of a place with a z it is said, too, how far the levels below and above it are.
     """
     at = [(place, _numbers(place)) for place in places]
 
@@ -81,7 +81,14 @@ def _told(surface: SurfaceMap, at: list[float], least: int) -> dict[str, Any]:
     from mlscli.queries.column import column_at
 
     column = column_at(surface, at[0], at[1], least)
-    levels = [_level(surface, patch) for patch in column.patch.tolist()]
+    errors = [
+        None if math.isnan(variance) else math.sqrt(variance)
+        for variance in surface.take(column.patch).height_variance.tolist()
+    ]
+    levels = [
+        _level(surface, patch) | {"error": error}
+        for patch, error in zip(column.patch.tolist(), errors, strict=True)
+    ]
     result: dict[str, Any] = {
         "at": at,
         "cell": [column.ix, column.iy],
@@ -174,6 +181,8 @@ def _spans(result: dict[str, Any], number: Any) -> Iterator[tuple[float, float, 
             words.append(some(level["points"], "point"))
         if level["sigma"] is not None and level["points"] > 1:
             words.append(f"sigma {number(level['sigma'])}")
+        if level["error"] is not None:
+            words.append(f"error {number(level['error'])}")
         if level["keyframes"]:
             # Counted from 1, as in the summary of a build.
             first, last = (row + 1 for row in level["keyframes"])

@@ -80,9 +80,13 @@ def test_the_json_holds_what_the_map_holds(tmp_path: Path) -> None:
     assert under["free"] == [[CELL / 2, 2.0]]
     assert [level["origin"] for level in under["levels"]] == ["measured", "artificial"]
     assert under["levels"][0]["sigma"] == np.sqrt(surface.variance[0])
+    assert [level["error"] for level in (*under["levels"], *wall["levels"])] == [
+        None if np.isnan(variance) else pytest.approx(np.sqrt(variance))
+        for variance in surface.height_variance
+    ]
     assert under["levels"][1] == {
         "height": 3.0, "depth": 0.0, "origin": "artificial", "moved": False, "points": 0,
-        "sigma": None, "keyframes": None, "region": None,
+        "sigma": None, "error": None, "keyframes": None, "region": None,
     }  # fmt: skip
     assert "space" not in under
     assert (wall["space"], wall["free"]) == ("occupied", [])
