@@ -24,7 +24,9 @@ def are_lengths(low: Float64, high: Float64) -> Finding[bool]:
     low, high : float64 (3,)
         The bounds of all points.
     """
-    wide, height = float((high - low)[:2].max()), float(high[2] - low[2])
+    # Coordinates may be as large as numbers are.
+    with np.errstate(over="ignore"):
+        wide, height = float((high - low)[:2].max()), float(high[2] - low[2])
     away = np.maximum(np.abs(low), np.abs(high))[:2]
     fits = any((away <= order).all() for order in (_FARTHEST, _FARTHEST[::-1]))
     if not fits or not 0 < wide < _WIDEST or min(height, float(away.max())) < _STEEPER * wide:

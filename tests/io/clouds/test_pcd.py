@@ -348,7 +348,8 @@ def test_points_beyond_those_declared_are_taken(tmp_path: Path, data: str, decla
     assert found == np.column_stack(columns).astype(float).tolist()
     assert not losses
     (note,) = PcdCloud(tmp_path / "a.pcd").notes
-    assert f"its header declares {declared} points, and there are 36; all are taken" in note
+    points = "point" if declared == 1 else "points"
+    assert f"its header declares {declared} {points}, and there are 36; all are taken" in note
 
 
 def test_what_follows_the_points_and_is_none_is_left_out(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mlscli.io.plausibility.degrees import are_lengths
+from mlscli.io.plausibility.finding import right
 
 
 @pytest.mark.parametrize(
@@ -42,3 +43,7 @@ def test_a_scene_far_higher_than_wide_at_a_place_on_the_earth_is_in_degrees(
 )
 def test_other_scenes_are_in_lengths(low: tuple[float, ...], high: tuple[float, ...]) -> None:
     assert are_lengths(np.array(low), np.array(high)).note == ""
+
+
+def test_coordinates_as_large_as_numbers_are_lengths() -> None:
+    assert are_lengths(np.full(3, -1.7e308), np.full(3, 1.7e308)) == right(True)
