@@ -157,7 +157,8 @@ def _rows(result: dict[str, Any], cell_size: float) -> list[tuple[str, str]]:
 
     spans = sorted(_spans(result, number), reverse=True)
     if not spans:
-        return [("nothing", "no patch, and nothing seen through"), *_of_z(result, number)]
+        seen = "" if result["free"] is None else ", and nothing seen through"
+        return [("nothing", f"no patch{seen}"), *_of_z(result, number)]
     rows = [(f"above {number(spans[0][0])}", "unknown")]
     for n, (high, low, text) in enumerate(spans):
         if n and spans[n - 1][1] - high > cell_size / 2:

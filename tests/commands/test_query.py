@@ -98,8 +98,14 @@ def test_without_free_space_all_between_levels_is_unknown(tmp_path: Path) -> Non
     done = mls("query", "deck.npz", "--at", "1.2,-0.3,1", "--at", "9,9", cwd=tmp_path)
     assert "0.000 to 3.000  unknown" in done.stdout
     assert "z 1             unknown, 1.000 above a level, 2.000 below one" in done.stdout
-    assert "no patch, and nothing seen through" in done.stdout
+    assert "  nothing  no patch\n" in done.stdout
     assert done.stdout.endswith("seen through; build it with --free-space\n")
+
+
+def test_where_nothing_is_known_it_says_so(tmp_path: Path) -> None:
+    deck(tmp_path, free=True)
+    done = mls("query", "deck.npz", "--at", "9,9", cwd=tmp_path)
+    assert done.stdout == "9,9 (cell 18, 18)\n  nothing  no patch, and nothing seen through\n"
 
 
 @pytest.mark.parametrize("place", ["1", "1,2,3,4", "1,a", "1,nan", ""])
