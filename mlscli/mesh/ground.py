@@ -10,9 +10,9 @@ from mlscli.maps.cells import cell_indices, on_grid
 from mlscli.maps.neighbours import is_at, sought
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Float64, Int32, Int64
-from mlscli.runtime.kernels import kernel
+from mlscli.runtime.kernels import inner, kernel
 
-# Where the craft's own cell has no ground beneath it, ground is sought this many cells around.
+# In a hole of the map ground is sought this many cells around.
 SEARCH_CELLS = 3
 
 # A leg follows the ground cell by cell; where the whole route would take more steps than this,
@@ -41,8 +41,9 @@ def route_on_ground(surface: SurfaceMap) -> GroundLine:
     The craft is taken to fly straight from each known position to the next. At both, and once per
     cell between, the line lies on the highest patch at or below the craft in its cell, or else in
     the nearest ring of cells around that has one, up to `SEARCH_CELLS` away. Where there is none,
-    the line is interrupted. A route without any ground beneath it, as in a room whose floor was not
-    seen, is returned as it was flown.
+    the line is interrupted, and so it is beyond the edge of the map: where the craft's cell is
+    empty, and there are not cells of the map as near on both sides of it. A route without any
+    ground beneath it, as in a room whose floor was not seen, is returned as it was flown.
     """
     position = surface.route[:, 1:]
     position = position[np.isfinite(position).all(axis=1)]
@@ -98,6 +99,9 @@ def _ground_below(
     ground = np.full(len(craft_z), np.nan)
     for k in range(len(craft_z)):
         x, y = craft_cell[k]
+        own = sought(ix, iy, -1, x, y)
+        if not is_at(ix, iy, own, x, y) and not _lies_between(ix, iy, x, y):
+            continue
         for ring in range(SEARCH_CELLS + 1):
             highest = -np.inf
             for dx in range(-ring, ring + 1):
@@ -113,3 +117,20 @@ def _ground_below(
                 ground[k] = highest
                 break
     return ground
+
+
+@inner
+def _lies_between(ix: Int32, iy: Int32, x: int, y: int) -> bool:
+    """Whether cells lie near on both sides of one: along x, along y, or along a diagonal."""
+    for along_x, along_y in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        sides = 0
+        for sign in (-1, 1):
+            for step in range(1, SEARCH_CELLS + 1):
+                there_x, there_y = x + sign * step * along_x, y + sign * step * along_y
+                cell = sought(ix, iy, -1, there_x, there_y)
+                if is_at(ix, iy, cell, there_x, there_y):
+                    sides += 1
+                    break
+        if sides == 2:
+            return True
+    return False

@@ -26,7 +26,24 @@ from mlscli.runtime.arrays import Array, Float64
 from mlscli.view.colourings import colourings
 from mlscli.view.layers import Picture, picture
 
-SCRIPTS = ("data.js", "camera.js", "coarse.js", "scene.js", "detail.js", "page.js")
+SCRIPTS = (
+    "data.js",
+    "elements.js",
+    "camera.js",
+    "coarse.js",
+    "cut.js",
+    "scene.js",
+    "detail.js",
+    "panel.js",
+    "flight.js",
+    "marks.js",
+    "ruler.js",
+    "picture.js",
+    "address.js",
+    "frame.js",
+    "hands.js",
+    "page.js",
+)
 
 # What JavaScript calls the types of arrays.
 _TYPES = {"i4": "Int32Array", "u4": "Uint32Array", "u1": "Uint8Array", "f4": "Float32Array",

@@ -104,9 +104,11 @@ class Browser:
         elif method == "Network.requestWillBeSent":
             self.requests.append(params["request"]["url"])
 
-    def open(self, page: Path) -> None:
-        """Open a page, and wait until it says that it is ready."""
-        self("Page.navigate", url=page.resolve().as_uri())
+    def open(self, page: Path, fragment: str = "") -> None:
+        """Open a page, at what stands behind its #, and wait until it says that it is ready."""
+        # Of the same page, only the fragment would change.
+        self("Page.navigate", url="about:blank")
+        self("Page.navigate", url=page.resolve().as_uri() + fragment)
         self.wait("document.documentElement?.dataset.ready === 'yes'")
         self.settle()
 

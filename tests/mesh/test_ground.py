@@ -38,15 +38,31 @@ def test_where_nothing_is_beneath_the_ground_is_sought_around() -> None:
 
 def test_the_nearest_ring_of_cells_decides() -> None:
     surface = a_map((0, 0, 1, 0), (2, 0, 5, 0))
-    assert landed(surface, (-0.5, 0.5, 9.0)) == [[-0.5, 0.5, 1.0]]
+    near = a_map((-2, 0, 5, 0), (1, 0, 1, 0), (3, 0, 7, 0))
+    assert landed(near, (0.5, 0.5, 9.0)) == [[0.5, 0.5, 1.0]]
+    assert landed(surface, (1.5, 0.5, 9.0)) == [[1.5, 0.5, 5.0]]
 
 
 @pytest.mark.parametrize("cells", range(SEARCH_CELLS + 2))
 def test_the_search_ends_a_few_cells_away(cells: int) -> None:
-    surface = a_map((0, 0, 1, 0))
-    on_ground, beyond = (0.5, 0.5, 2.0), (cells + 0.5, 0.5, 2.0)
-    found = landed(surface, on_ground, beyond)
+    surface = a_map((0, 0, 1, 0), (2 * cells, 0, 1, 0))
+    on_ground, between = (0.5, 0.5, 2.0), (cells + 0.5, 0.5, 2.0)
+    found = landed(surface, on_ground, between)
     assert ([cells + 0.5, 0.5, 1.0] in found) == (cells <= SEARCH_CELLS)
+
+
+@pytest.mark.parametrize("direction", [(1, 0), (0, -1), (1, 1), (-1, 1)])
+def test_the_route_ends_where_the_map_ends_and_goes_on_over_holes(
+    direction: tuple[int, int],
+) -> None:
+    hole = [(x, y) for x in range(3, 6) for y in range(3, 6)]
+    surface = a_map(*[(x, y, 1, 0) for x in range(9) for y in range(9) if (x, y) not in hole])
+    x, y = direction
+    positions = [(4.5 + step * x, 4.5 + step * y, 2.0) for step in range(-9, 10)]
+    for place in landed(surface, *positions):
+        assert min(place[:2]) >= 0
+        assert max(place[:2]) <= 9
+    assert [4.5, 4.5, 1.0] in landed(surface, *positions)
 
 
 def test_positions_unknown_beyond_the_grid_below_all_or_repeated_are_left_out() -> None:
@@ -83,15 +99,13 @@ def test_a_leg_under_a_bridge_stays_on_the_ground_beneath_it() -> None:
 
 
 def test_where_no_ground_is_known_the_track_is_interrupted() -> None:
-    surface = a_map((0, 0, 0.0, 0.0), (20, 0, 0.0, 0.0))
-    route = np.array([(0, 0.5, 0.5, 2.0), (1, 20.5, 0.5, 2.0)])
+    surface = a_map(*[(x, 0, 0.0, 0.0) for x in (0, 1, 20, 21)])
+    route = np.array([(0, 0.5, 0.5, 2.0), (1, 21.5, 0.5, 2.0)])
     track = route_on_ground(replace(surface, route=route))
     x = track.vertices[:, 0]
-    near = 1 + SEARCH_CELLS
-    assert ((x < near) | (x > 20 - SEARCH_CELLS)).all()
-    assert len(x) > 2
-    lengths = np.abs(x[track.legs[:, 1]] - x[track.legs[:, 0]])
-    assert lengths.max() <= 1
+    assert set(np.floor(x)) == {0, 1, 20, 21}
+    assert set(np.floor(x[track.legs]).ravel()) == {0, 1, 20, 21}
+    assert np.abs(np.diff(x[track.legs])).max() <= 1
     assert len(track.legs) == len(x) - 2
 
 

@@ -69,6 +69,15 @@ class Camera {
     return { right, up: cross(back, right), back };
   }
 
+  // The pixel, counted from the top left, that a place is seen at; null: it lies behind the eye.
+  project(place, width, height) {
+    const matrix = this.matrix(width, height);
+    const [x, y, , depth] = [0, 1, 2, 3].map(
+      (row) => dot([...place, 1], [0, 4, 8, 12].map((column) => matrix[column + row])),
+    );
+    return depth > 0 ? [(1 + x / depth) * width / 2, (1 - y / depth) * height / 2] : null;
+  }
+
   // From the map's coordinates to those of the view, as WebGL takes them.
   matrix(width, height) {
     const { right, up, back } = this.axes();

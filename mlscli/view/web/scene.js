@@ -21,10 +21,12 @@ const COLOUR_SHADER = `#version 300 es
 precision highp float;
 uniform bool isShaded;
 uniform vec3 light;
+uniform vec4 cut;
 in vec3 place;
 in vec3 tint;
 out vec4 pixel;
 void main() {
+  if (dot(place, cut.xyz) > cut.w) discard;
   vec3 face = cross(dFdx(place), dFdy(place));
   float size = length(face);
   float shade = isShaded && size > 0.0 ? 0.5 + 0.5 * abs(dot(face / size, light)) : 1.0;
@@ -35,10 +37,12 @@ void main() {
 const PLACE_SHADER = `#version 300 es
 precision highp float;
 precision highp int;
+uniform vec4 cut;
 in vec3 place;
 in vec3 tint;
 out uvec4 pixel;
 void main() {
+  if (dot(place, cut.xyz) > cut.w) discard;
   pixel = uvec4(floatBitsToUint(place), tint.r >= 0.0 ? 1u : 0u);
 }`;
 
@@ -55,6 +59,7 @@ class Scene {
   constructor(canvas, map) {
     this.canvas = canvas;
     this.map = map;
+    this.cut = new Cut(map);
     // Edges are smoothed by `draw`, where there is time for it.
     this.gl = canvas.getContext("webgl2", { antialias: false });
     if (!this.gl) throw new Error("this browser has no WebGL 2, which the map is drawn with");
@@ -97,7 +102,7 @@ class Scene {
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
       throw new Error(`the graphics driver refuses a shader: ${gl.getProgramInfoLog(program)}`);
     }
-    const uniforms = ["view", "pointSize", "shift", "isShaded", "light"];
+    const uniforms = ["view", "pointSize", "shift", "isShaded", "light", "cut"];
     const places = uniforms.map((name) => [name, gl.getUniformLocation(program, name)]);
     return { program, ...Object.fromEntries(places) };
   }
@@ -220,6 +225,7 @@ class Scene {
     gl.useProgram(program.program);
     gl.uniformMatrix4fv(program.view, false, view);
     gl.uniform3fv(program.light, LIGHT);
+    gl.uniform4fv(program.cut, this.cut.plane());
     for (const layer of layers) {
       const count = layer.shown ? upTo(layer.when, latest) : 0;
       if (!count) continue;
