@@ -127,15 +127,14 @@ def gap() -> None:
 
 
 def plots() -> None:
-    """Draw what ``mls plot`` draws, a hamlet from above and cut upright; and a house as a mesh."""
-    surface = hamlet()
-    save("above", pixels(plot_above(surface, title="mls plot hamlet.npz")))
-    title = "mls plot hamlet.npz --section -5,0,5,0"
-    save("section", pixels(plot_section(surface, (-5, 0), (5, 0), title=title)))
+    """Draw what ``mls plot`` draws: a hamlet from above, a house cut upright; and it as a mesh."""
+    save("above", pixels(plot_above(hamlet(), title="mls plot hamlet.npz")))
     storeys = mapped(
         fly(make("house-storeys"), 0.08, figures.CALM, seed=1),
-        load("default", ["map.cell_size=0.15"]),
+        load("default", ["map.cell_size=0.15", "map.free_space=true"]),
     )
+    title = "mls plot house.npz --section -2.5,0,2.5,0"
+    save("section", pixels(plot_section(storeys, (-2.5, 0), (2.5, 0), title=title)))
     save("storeys", render(build_mesh(storeys), WIDTH * 2 // 3, View(60, 25)))
 
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     "--compare",
     "other",
     metavar="OTHER",
-    help="Put another map beside it, and rings around what differs.",
+    help="Put another map beside it, their difference, and rings around what differs.",
 )
 @coloured
 @without_artificial
@@ -55,7 +55,8 @@ def command(
     """Draw a map from above, cut upright, or beside another one.
 
     From above: shaded by the light from the north-west, artificial patches red, the route green,
-    a dotted line around what has another level beneath it.
+    a dotted line around what has another level beneath it. Cut upright: each stretch between two
+    levels with its least clearance; of a map built with --free-space, what was seen through.
     """
     given = {"--level": level, "--section": section, "--compare": other}
     named = [name for name, value in given.items() if value is not None]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from mlscli.plot.relief import Frame, frame_of, picture, shown_patches
 from mlscli.runtime.arrays import Float64, Int64
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -74,7 +76,7 @@ def plot_above(
     axes = figure.add_subplot()
     draw_above(axes, surface, shown, frame, paint)
     axes.set_title(title, fontsize=10, color=INK)
-    _add_legend(axes, surface, shown, paint)
+    add_legend(figure, _kinds(surface, shown, paint))
     add_colourbar(figure, axes, paint)
     return figure
 
@@ -205,32 +207,17 @@ def round_length(most: float) -> float:
     return max(power * digit for digit in (1, 2, 5) if power * digit <= most * (1 + 1e-9))
 
 
-def _add_legend(axes: Axes, surface: SurfaceMap, shown: Int64, paint: Paint) -> None:
-    """Add a legend: origins, route and dotted lines, as far as the picture has them."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
+def add_legend(place: Figure | Axes, kinds: Sequence[Artist]) -> None:
+    """Add a legend beneath a picture, or a part of it, of what is to be seen there, if anything."""
+    from matplotlib.axes import Axes
 
-    patch = shown[shown >= 0]
-    origins = set(origin_at(surface, patch, surface.height[patch]).tolist())
-    measured, plastered, _ = (tuple(colour / 255) for colour in origin_colours())
-    handles: list[Patch | Line2D] = []
-    if paint.by == "origin" and MEASURED in origins:
-        handles.append(Patch(color=measured, label="measured"))
-    if PLASTERED in origins and paint.by in ("height", "origin"):
-        handles.append(Patch(color=plastered, label="plastered"))
-    if ARTIFICIAL in origins and paint.by != "region":
-        handles.append(Patch(color=as_colour(ARTIFICIAL_RED), label="artificial"))
-    if len(route_of(surface)):
-        handles.append(Line2D([], [], color=as_colour(ROUTE_GREEN), linewidth=2, label="route"))
-    if np.diff(surface.cells.start).max(initial=0) > 1:
-        dots = Line2D([], [], color=INK, linewidth=1, linestyle=(0, (1, 1.2)))
-        dots.set_label("another level beneath")
-        handles.append(dots)
-    if handles:
-        axes.legend(
-            handles=handles,
-            loc="upper center",
-            bbox_to_anchor=(0.5, -0.055),
+    beneath: dict[str, Any] = {"loc": "outside lower center"}
+    if isinstance(place, Axes):
+        beneath = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.055)}
+    if kinds:
+        place.legend(
+            handles=list(kinds),
+            **beneath,
             ncols=5,
             fontsize=8,
             frameon=False,
@@ -238,3 +225,27 @@ def _add_legend(axes: Axes, surface: SurfaceMap, shown: Int64, paint: Paint) -> 
             handlelength=1.4,
             columnspacing=1.2,
         )
+
+
+def _kinds(surface: SurfaceMap, shown: Int64, paint: Paint) -> list[Artist]:
+    """Return examples of origins, route and dotted lines, as far as the picture has them."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    patch = shown[shown >= 0]
+    origins = set(origin_at(surface, patch, surface.height[patch]).tolist())
+    measured, plastered, _ = (tuple(colour / 255) for colour in origin_colours())
+    kinds: list[Artist] = []
+    if paint.by == "origin" and MEASURED in origins:
+        kinds.append(Patch(color=measured, label="measured"))
+    if PLASTERED in origins and paint.by in ("height", "origin"):
+        kinds.append(Patch(color=plastered, label="plastered"))
+    if ARTIFICIAL in origins and paint.by != "region":
+        kinds.append(Patch(color=as_colour(ARTIFICIAL_RED), label="artificial"))
+    if len(route_of(surface)):
+        kinds.append(Line2D([], [], color=as_colour(ROUTE_GREEN), linewidth=2, label="route"))
+    if np.diff(surface.cells.start).max(initial=0) > 1:
+        dots = Line2D([], [], color=INK, linewidth=1, linestyle=(0, (1, 1.2)))
+        dots.set_label("another level beneath")
+        kinds.append(dots)
+    return kinds

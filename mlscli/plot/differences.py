@@ -1,4 +1,4 @@
-"""Two maps side by side, with rings around their differences (thesis, figure 6.9)."""
+"""Two maps side by side and their differences in height, with rings (thesis, figure 6.9)."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from scipy.ndimage import binary_dilation, find_objects, label
 
 from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.mesh.colours import ColourBy, Paint
-from mlscli.plot.above import INK, add_colourbar, draw_above, new_figure, size_of
+from mlscli.plot.above import INK, add_colourbar, add_legend, draw_above, new_figure, size_of
 from mlscli.plot.relief import Frame, frame_of, shown_patches
-from mlscli.runtime.arrays import Bool
+from mlscli.runtime.arrays import Bool, Float64
 from mlscli.scoring.comparison import matches, require_same_cells
 from mlscli.words import some
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Patches whose heights differ by more cells than this get a ring; less cannot be seen in a picture.
@@ -25,7 +26,11 @@ TOLERANCE = 0.5
 # squares of this side, each with a ring of its own.
 LARGEST_SPOT = 16
 
+# More rings than this hide the maps that they are drawn on.
+MOST_RINGS = 24
+
 RING = "#d4006e"
+_ONE_ALONE, _OTHER_ALONE = (0.0, 0.0, 0.0), (0.1, 0.6, 0.3)
 
 
 class Ring(NamedTuple):
@@ -52,10 +57,12 @@ def plot_differences(
     artificial: bool = True,
     titles: tuple[str, str] = ("", ""),
 ) -> Figure:
-    """Return a picture of two maps of one grid from above, with rings where they differ.
+    """Return a picture of two maps of one grid from above, and of how much they differ.
 
-    A ring surrounds patches that only one map has, that differ by more than half a cell in height,
-    or that are artificial in one map only.
+    The third part shows by how much the other map is higher or lower, of several levels where that
+    is most, and which cells have a patch that one map only has. A ring surrounds patches that only
+    one map has, that differ by more than half a cell in height, or that are artificial in one map
+    only; where there are more than `MOST_RINGS`, they are counted and not drawn.
 
     Parameters
     ----------
@@ -71,8 +78,6 @@ def plot_differences(
     UsageError
         Where cell size or gap size differ, or neither map has patches to show.
     """
-    from matplotlib.patches import Circle
-
     require_same_cells(one, other)
     paint = Paint(one if one.size else other, colour)
     if not artificial:
@@ -80,23 +85,114 @@ def plot_differences(
     frame = frame_of(one, other)
     circles = rings(differing(one, other, frame), frame)
     width, length = size_of(frame)
-    beside = width <= 1.6 * length
-    size = (1.7 * width + 1.6, 0.85 * length + 1) if beside else (width + 1.6, 2 * length + 1.2)
+    beside = width <= 1.1 * length
+    size = (2.5 * width + 2, 0.85 * length + 1) if beside else (width + 1.6, 3 * length + 1.4)
     figure = new_figure(*size)
-    axes = figure.subplots(*((1, 2) if beside else (2, 1)), sharex=True, sharey=True)
-    for place, surface, title in zip(axes, (one, other), titles, strict=True):
-        draw_above(place, surface, shown_patches(surface, frame), frame, paint)
-        place.set_title(title, fontsize=10, color=INK)
-        for ring in circles:
-            for line, edge in ((3.4, "white"), (1.8, RING)):
-                place.add_patch(
-                    Circle((ring.x, ring.y), ring.radius, fill=False, linewidth=line,
-                           edgecolor=edge, zorder=7)
-                )  # fmt: skip
+    parts = figure.subplots(*((1, 3) if beside else (3, 1)), sharex=True, sharey=True)
+    for axes, surface, title in zip(parts, (one, other), titles, strict=False):
+        draw_above(axes, surface, shown_patches(surface, frame), frame, paint)
+        axes.set_title(title, fontsize=10, color=INK)
+    _draw_differences(figure, parts[2], one, other, frame, titles)
+    if len(circles) <= MOST_RINGS:
+        for axes in parts:
+            _draw_rings(axes, circles)
     said = f"{some(len(circles), 'place')} where the maps differ"
     figure.supxlabel(said, fontsize=9, color=RING if circles else INK)
-    add_colourbar(figure, list(axes), paint)
+    add_colourbar(figure, list(parts[:2]), paint)
     return figure
+
+
+def _draw_rings(axes: Axes, circles: list[Ring]) -> None:
+    from matplotlib.patches import Circle
+
+    for ring in circles:
+        for line, edge in ((3.4, "white"), (1.8, RING)):
+            axes.add_patch(
+                Circle((ring.x, ring.y), ring.radius, fill=False, linewidth=line, edgecolor=edge,
+                       zorder=7)
+            )  # fmt: skip
+
+
+def _draw_differences(
+    figure: Figure,
+    axes: Axes,
+    one: SurfaceMap,
+    other: SurfaceMap,
+    frame: Frame,
+    titles: tuple[str, str],
+) -> None:
+    """Draw by how much the other map is higher, and what one of them only has."""
+    from matplotlib.patches import Patch
+
+    found = changes(one, other, frame)
+    there = np.isfinite(found.higher)
+    size = np.abs(found.higher[there])
+    # What cannot be seen on the maps is pale, and a few great differences do not pale the rest.
+    most = max(float(np.percentile(size, 98)) if len(size) else 0.0, TOLERANCE * one.cell_size)
+    image = axes.imshow(
+        found.higher,
+        extent=frame.extent,
+        origin="lower",
+        interpolation="nearest",
+        cmap="RdBu_r",
+        vmin=-most,
+        vmax=most,
+    )
+    kinds = []
+    names = [title or which for title, which in zip(titles, ("the one", "the other"), strict=True)]
+    for alone, tint, name in zip(
+        (found.in_one, found.in_other), (_ONE_ALONE, _OTHER_ALONE), names, strict=True
+    ):
+        if alone.any():
+            pixels = np.zeros((*alone.shape, 4))
+            pixels[alone] = (*tint, 1.0)
+            axes.imshow(pixels, extent=frame.extent, origin="lower", interpolation="nearest")
+            kinds.append(Patch(color=tint, label=f"in {name} only"))
+    axes.set_facecolor("#eeeeea")
+    axes.set_title("difference", fontsize=10, color=INK)
+    axes.tick_params(labelsize=8, colors=INK, length=3)
+    add_legend(axes, kinds)
+    bar = figure.colorbar(image, ax=axes, shrink=0.75, aspect=28, pad=0.02, extend="both")
+    bar.set_label(f"{names[1]} is higher by", fontsize=8, color=INK)
+    bar.ax.tick_params(labelsize=8, colors=INK, length=3)
+    bar.outline.set_linewidth(0)
+
+
+class Changes(NamedTuple):
+    """How two maps differ, pixel by pixel.
+
+    Attributes
+    ----------
+    higher : float64 (length, width)
+        By how much the other map is higher, where patches match, in the unit of the maps: of
+        several the difference that is greatest in size; NaN where none match.
+    in_one, in_other : bool (length, width)
+        Which pixels hold a patch that only one of the maps has.
+    """
+
+    higher: Float64
+    in_one: Bool
+    in_other: Bool
+
+
+def changes(one: SurfaceMap, other: SurfaceMap, frame: Frame) -> Changes:
+    """Return how two maps of the same cells differ."""
+    in_one, in_other = matches(one, other)
+    higher = np.full((frame.length, frame.width), np.nan)
+    by = other.height[in_other] - one.height[in_one]
+    column, row, inside = (part[in_one] for part in frame.pixels(one))
+    # The greatest come last and stay; of equal ones the same in any order.
+    order = np.lexsort((by, np.abs(by)))
+    order = order[inside[order]]
+    higher[row[order], column[order]] = by[order]
+    alone = []
+    for surface, matched in ((one, in_one), (other, in_other)):
+        column, row, inside = frame.pixels(surface)
+        inside[matched] = False
+        pixels = np.zeros(higher.shape, dtype=np.bool_)
+        pixels[row[inside], column[inside]] = True
+        alone.append(pixels)
+    return Changes(higher, *alone)
 
 
 def differing(one: SurfaceMap, other: SurfaceMap, frame: Frame) -> Bool:

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mlscli.errors import UsageError
-from mlscli.maps.cells import on_grid, pack
-from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
-from mlscli.mesh.colours import ROUTE_GREEN, ColourBy, Paint
-from mlscli.plot.above import INK, add_colourbar, as_colour, new_figure, route_of
-from mlscli.runtime.arrays import Float64, Int64
+from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
+from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN, ColourBy, Paint, origin_colours
+from mlscli.plot.above import INK, add_colourbar, add_legend, as_colour, new_figure, route_of
+from mlscli.plot.cut import (
+    Cut,
+    Spaces,
+    between_levels,
+    cut,
+    earth,
+    in_words,
+    narrowest,
+    seen_through,
+    stretches,
+)
+from mlscli.runtime.arrays import Float64
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-# The cells of longer cuts would be narrower than a pixel.
-MAX_SECTION_CELLS = 200_000
+    from matplotlib.patches import Rectangle
 
 # Positions of the craft are shown up to this many cells beside the cut.
 ROUTE_WITHIN = 3
@@ -29,70 +37,10 @@ ROUTE_WITHIN = 3
 LEAST_LABELLED = 3
 
 _SPACE = "#dcebf5"
-_EARTH = "#efece6"
+_EARTH = "#e4ded2"
+_UNSEEN = "#c4c4c4"
+_NARROWEST = "#b00050"
 _WALL_ALPHA = 0.55
-
-
-class Cut(NamedTuple):
-    """The patches along a line, from its start on.
-
-    Attributes
-    ----------
-    patch : int64 (S,)
-        Indices of the patches; those of one cell follow one another from below.
-    begin, end : float64 (S,)
-        Distances along the line at which the patch's cell begins and ends, in the unit of the map.
-    """
-
-    patch: Int64
-    begin: Float64
-    end: Float64
-
-
-def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float]) -> Cut:
-    """Return the patches in the cells that a line runs through.
-
-    Parameters
-    ----------
-    surface : SurfaceMap
-    start, end : tuple of float
-        x and y of the line's ends, in the unit of the map.
-
-    Raises
-    ------
-    UsageError
-        Where the line has no length, leaves the grid, or runs through too many cells.
-    """
-    line = np.array([start, end], dtype=np.float64)
-    length = math.dist(start, end)
-    words = _in_words(start, end)
-    if not 0 < length < math.inf or not on_grid(line, surface.cell_size).all():
-        raise UsageError(f"`section` {words}: expected two different places on the grid")
-    if length / surface.cell_size > MAX_SECTION_CELLS:
-        raise UsageError(
-            f"`section` {words}: runs through {length / surface.cell_size:.3g} cells; "
-            f"expected at most {MAX_SECTION_CELLS}"
-        )
-    crossings = [np.array([0.0, 1.0])]
-    for a, b in line.T / surface.cell_size:
-        edges = np.arange(math.ceil(min(a, b)), math.floor(max(a, b)) + 1)
-        crossings.append((edges - a) / (b - a) if a != b else np.empty(0))
-    share = np.unique(np.clip(np.concatenate(crossings), 0, 1))
-    middle = line[0] + (share[:-1, None] + share[1:, None]) / 2 * (line[1] - line[0])
-    cell = np.floor(middle / surface.cell_size).astype(np.int32)
-    ix, iy, first = surface.cells
-    keys, sought = pack(ix, iy), pack(cell[:, 0], cell[:, 1])
-    place = np.minimum(np.searchsorted(keys, sought), max(len(keys) - 1, 0))
-    step = np.flatnonzero(keys[place] == sought) if len(keys) else np.empty(0, dtype=np.int64)
-    count = first[place[step] + 1] - first[place[step]]
-    column = np.repeat(step, count)
-    within = np.arange(len(column)) - np.repeat(np.cumsum(count) - count, count)
-    return Cut(first[place[column]] + within, share[column] * length, share[column + 1] * length)
-
-
-def _in_words(*places: tuple[float, float], between: str = ",") -> str:
-    """Return coordinates as text, with nine digits: those of UTM to the centimetre."""
-    return between.join(f"{number:.9g}" for place in places for number in place)
 
 
 def plot_section(
@@ -106,8 +54,11 @@ def plot_section(
 ) -> Figure:
     """Return a picture of a map cut upright along a line.
 
-    Patches are bars at their height, vertical ones filled down to their lower end. The space
-    between two levels is tinted, and labelled with the clearance in the middle of each stretch.
+    Patches are bars at their height, vertical ones filled down to their lower end. Each stretch
+    between two levels is labelled with its clearance where that is least; the least of all is
+    marked. Where the map knows free space, what was seen through is told from what never was, else
+    the space between levels alone is tinted. What lies beneath the ground is shaded, but not what
+    lies beneath a roof that is alone.
 
     Parameters
     ----------
@@ -128,7 +79,7 @@ def plot_section(
         surface = surface.take(surface.origin != ARTIFICIAL)
     met = cut(surface, start, end)
     if len(met.patch) == 0:
-        raise UsageError(f"`section` {_in_words(start, end)}: meets no patch of the map")
+        raise UsageError(f"`section` {in_words(start, end)}: meets no patch of the map")
     low, high = surface.low_end[met.patch].min(), surface.height[met.patch].max()
     margin = max(0.08 * (high - low), 2 * surface.cell_size)
     length = math.dist(start, end)
@@ -140,13 +91,14 @@ def plot_section(
     axes.set_ylim(low - margin, high + margin)
     axes.set_xlim(0, length)
     axes.set_aspect("auto" if exaggerated else "equal")
-    _draw_earth(axes, surface, met)
-    _draw_space(axes, surface, met)
-    _draw_patches(axes, surface, met, paint)
-    _draw_route(axes, surface, np.array(start), np.array(end))
+    drawn = [
+        *_draw_space(axes, surface, met),
+        *_draw_clearances(axes, surface, met),
+        *_draw_patches(axes, surface, met, paint),
+        *_draw_route(axes, surface, np.array(start), np.array(end)),
+    ]
     axes.set_xlabel(
-        f"along the cut from ({_in_words(start, between=', ')}) "
-        f"to ({_in_words(end, between=', ')})",
+        f"along the cut from ({in_words(start, between=', ')}) to ({in_words(end, between=', ')})",
         fontsize=8,
         color=INK,
     )
@@ -155,120 +107,118 @@ def plot_section(
     axes.tick_params(labelsize=8, colors=INK, length=3)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+    add_legend(figure, drawn)
     if colour != "height":
         add_colourbar(figure, axes, paint)
     return figure
 
 
-def _draw_patches(axes: Axes, surface: SurfaceMap, met: Cut, paint: Paint) -> None:
+def _draw_patches(axes: Axes, surface: SurfaceMap, met: Cut, paint: Paint) -> list[Artist]:
     """Draw patches as bars, and vertical ones as boxes down to their lower end, too."""
-    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import Patch
 
     patch = met.patch
     colours = paint(surface, patch, surface.height[patch]) / 255
     low, high = surface.low_end[patch], surface.height[patch]
     upright = low < high
-    boxes = _boxes(met.begin[upright], met.end[upright], low[upright], high[upright])
-    axes.add_collection(
-        PolyCollection(
-            boxes, facecolors=colours[upright], alpha=_WALL_ALPHA, linewidths=0, zorder=2
-        )
-    )
+    walls = Spaces(met.begin[upright], met.end[upright], low[upright], high[upright])
+    _draw_boxes(axes, walls, facecolors="white", zorder=1.5)
+    _draw_boxes(axes, walls, facecolors=colours[upright], alpha=_WALL_ALPHA, zorder=2)
     bars = np.stack((np.column_stack((met.begin, high)), np.column_stack((met.end, high))), axis=1)
     axes.add_collection(
         LineCollection(list(bars), colors=colours, linewidths=2.6, capstyle="butt", zorder=3)
     )
+    if paint.by not in ("height", "origin"):
+        return []
+    plastered = tuple(origin_colours()[PLASTERED] / 255)
+    kinds = (
+        (ARTIFICIAL, as_colour(ARTIFICIAL_RED), "artificial"),
+        (PLASTERED, plastered, "plastered"),
+    )
+    origins = surface.origin[patch]
+    return [Patch(color=tint, label=name) for kind, tint, name in kinds if (origins == kind).any()]
 
 
-def _draw_space(axes: Axes, surface: SurfaceMap, met: Cut) -> None:
-    """Tint the space between two levels; label each stretch with the clearance in its middle."""
-    from matplotlib.collections import PolyCollection
+def _draw_space(axes: Axes, surface: SurfaceMap, met: Cut) -> list[Artist]:
+    """Tint what was seen through, or else the space between levels; shade what is beneath."""
+    from matplotlib.patches import Patch
 
-    over = np.flatnonzero(met.begin[1:] == met.begin[:-1]) + 1
-    floor, ceiling = surface.height[met.patch[over - 1]], surface.low_end[met.patch[over]]
-    begin, end = met.begin[over], met.end[over]
-    boxes = _boxes(begin, end, floor, ceiling)
-    axes.add_collection(PolyCollection(boxes, facecolors=_SPACE, linewidths=0, zorder=1))
-    for run in _stretches(begin, end, floor, ceiling):
-        middle = run[len(run) // 2]
-        if end[run[-1]] - begin[run[0]] < LEAST_LABELLED * surface.cell_size:
-            continue
-        x, low, high = begin[middle], floor[middle], ceiling[middle]
-        arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", (x, low), xytext=(x, high), arrowprops=arrow, zorder=4)
+    bottom, top = axes.get_ylim()
+    free, beneath = seen_through(surface, met), earth(surface, met, bottom)
+    kinds: list[Artist] = []
+    if free is None:
+        _draw_boxes(axes, between_levels(surface, met), facecolors=_SPACE, zorder=1)
+        kinds.append(Patch(color=_SPACE, label="between levels, seen or not"))
+    else:
+        unseen: dict[str, Any] = {
+            "facecolor": "white",
+            "edgecolor": _UNSEEN,
+            "hatch": "////",
+            "linewidth": 0,
+        }
+        axes.add_patch(_whole(axes.get_xlim(), (bottom, top), unseen))
+        _draw_boxes(axes, free, facecolors=_SPACE, zorder=1)
+        kinds += [Patch(color=_SPACE, label="seen through"), Patch(**unseen, label="never seen")]
+    _draw_boxes(axes, beneath, facecolors=_EARTH, zorder=0.5)
+    if len(beneath.begin):
+        kinds.append(Patch(color=_EARTH, label="beneath the ground"))
+    return kinds
+
+
+def _whole(x: tuple[float, float], y: tuple[float, float], how: dict[str, Any]) -> Rectangle:
+    """Return a rectangle as large as the drawing."""
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((x[0], y[0]), x[1] - x[0], y[1] - y[0], zorder=0, **how)
+
+
+def _draw_clearances(axes: Axes, surface: SurfaceMap, met: Cut) -> list[Artist]:
+    """Label each stretch between two levels where it is narrowest; mark the narrowest of all."""
+    from matplotlib.lines import Line2D
+
+    spaces = between_levels(surface, met)
+    least = LEAST_LABELLED * surface.cell_size
+    runs = [run for run in stretches(spaces) if spaces.end[run[-1]] - spaces.begin[run[0]] >= least]
+    found = sorted((narrowest(spaces, run) for run in runs), key=lambda one: one.high - one.low)
+    for place, (along, low, high) in enumerate(found):
+        tint = INK if place else _NARROWEST
+        arrow = {"arrowstyle": "<->", "color": tint, "linewidth": 1 if place else 1.6}
+        arrow |= {"shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", (along, low), xytext=(along, high), arrowprops=arrow, zorder=4)
         axes.annotate(
             f"{high - low:.3g}",
-            (x, (low + high) / 2),
+            (along, (low + high) / 2),
             xytext=(4, 0),
             textcoords="offset points",
             va="center",
             fontsize=8,
-            color=INK,
+            color=tint,
+            weight="normal" if place else "bold",
             zorder=4,
         )
+    mark = Line2D([], [], color=_NARROWEST, linewidth=1.6, label="narrowest clearance")
+    return [mark] if found else []
 
 
-def _draw_earth(axes: Axes, surface: SurfaceMap, met: Cut) -> None:
-    """Shade what lies beneath the lowest patch of each cell."""
+def _draw_boxes(axes: Axes, spaces: Spaces, **how: Any) -> None:
+    """Draw spaces as boxes without an outline."""
     from matplotlib.collections import PolyCollection
 
-    lowest = np.append(True, met.begin[1:] != met.begin[:-1])
-    ground = surface.low_end[met.patch[lowest]]
-    bottom = np.full(len(ground), axes.get_ylim()[0])
-    boxes = _boxes(met.begin[lowest], met.end[lowest], bottom, ground)
-    axes.add_collection(PolyCollection(boxes, facecolors=_EARTH, linewidths=0, zorder=0))
-
-
-def _boxes(begin: Float64, end: Float64, low: Float64, high: Float64) -> list[Float64]:
-    """Return the corners of boxes in the plane of the cut, float64 (4, 2) each.
-
-    Parameters
-    ----------
-    begin, end : float64 (N,)
-        Distances along the line.
-    low, high : float64 (N,)
-        Heights.
-    """
+    begin, end, low, high = spaces
     corners = ((begin, low), (end, low), (end, high), (begin, high))
-    return list(np.stack([np.column_stack(corner) for corner in corners], axis=1))
+    boxes = np.stack([np.column_stack(corner) for corner in corners], axis=1)
+    axes.add_collection(PolyCollection(list(boxes), linewidths=0, **how))
 
 
-def _stretches(
-    begin: Float64, end: Float64, floor: Float64, ceiling: Float64
-) -> Iterator[list[int]]:
-    """Yield stretches of spaces that open into one another: indices, in order along the cut.
-
-    Parameters
-    ----------
-    begin, end : float64 (N,)
-        Distances along the line at which each space begins and ends; `begin` ascends.
-    floor, ceiling : float64 (N,)
-        Heights of its ends.
-    """
-    open_runs: list[list[int]] = []
-    for space in range(len(begin)):
-        for run in [run for run in open_runs if end[run[-1]] < begin[space]]:
-            open_runs.remove(run)
-            yield run
-        for run in open_runs:
-            last = run[-1]
-            overlap = min(ceiling[last], ceiling[space]) - max(floor[last], floor[space])
-            if end[last] == begin[space] and overlap > 0:
-                run.append(space)
-                break
-        else:
-            open_runs.append([space])
-    yield from open_runs
-
-
-def _draw_route(axes: Axes, surface: SurfaceMap, start: Float64, end: Float64) -> None:
+def _draw_route(axes: Axes, surface: SurfaceMap, start: Float64, end: Float64) -> list[Artist]:
     """Draw the positions of the craft that are near the cut."""
     position = route_of(surface)
     along = (end - start) / np.linalg.norm(end - start)
     offset = position[:, :2] - start
     beside = np.abs(offset @ np.array((-along[1], along[0])))
     near = position[beside <= ROUTE_WITHIN * surface.cell_size]
-    axes.plot(
+    shown = axes.plot(
         (near[:, :2] - start) @ along,
         near[:, 2],
         linestyle="",
@@ -276,4 +226,6 @@ def _draw_route(axes: Axes, surface: SurfaceMap, start: Float64, end: Float64) -
         markersize=3.5,
         color=as_colour(ROUTE_GREEN),
         zorder=5,
+        label="route",
     )
+    return list(shown) if len(near) else []

@@ -12,7 +12,7 @@ import pytest
 
 from mlscli.errors import UsageError
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.plot.differences import differing, plot_differences, rings
+from mlscli.plot.differences import changes, differing, plot_differences, rings
 from mlscli.plot.relief import frame_of
 from tests.helpers.meshes import a_map, plane
 
@@ -80,6 +80,43 @@ def test_the_picture_says_how_many_places_differ() -> None:
     assert figure.get_supxlabel() == "2 places where the maps differ"
     assert [axes.get_title() for axes in figure.axes[:2]] == ["a", "b"]
     assert len(figure.axes[0].patches) == len(figure.axes[1].patches) == 4
+
+
+def test_many_places_are_counted_and_not_ringed() -> None:
+    places = [(x, y) for x in range(2, 40, 6) for y in range(2, 30, 5)]
+    figure = plot_differences(FLOOR, raised(1, *places))
+    assert figure.get_supxlabel() == "42 places where the maps differ"
+    assert not figure.axes[0].patches
+
+
+def test_heights_differ_by_what_the_other_map_is_higher() -> None:
+    other = raised(0.5, (5, 5))
+    other = other.take(~((other.ix == 20) & (other.iy == 10)))
+    deck = a_map((5, 5, 9.0, 0.0), cell_size=0.5)
+    frame = frame_of(FLOOR)
+    found = changes(FLOOR, other, frame)
+    assert found.higher[5, 5] == 0.5
+    assert np.isnan(found.higher[10, 20])
+    assert np.count_nonzero(found.higher == 0) == FLOOR.size - 2
+    assert np.argwhere(found.in_one).tolist() == [[10, 20]]
+    assert not found.in_other.any()
+    back = changes(other, FLOOR, frame)
+    assert back.higher[5, 5] == -0.5
+    assert (back.in_other == found.in_one).all()
+    assert np.argwhere(changes(FLOOR, deck, frame).in_other).tolist() == [[5, 5]]
+
+
+def test_of_two_levels_the_one_that_moved_most_is_shown() -> None:
+    levels = a_map((0, 0, 0.0, 0.0), (0, 0, 3.0, 0.0))
+    moved = a_map((0, 0, 0.25, 0.0), (0, 0, 2.5, 0.0))
+    assert changes(levels, moved, frame_of(levels)).higher[0, 0] == -0.5
+
+
+def test_the_picture_names_what_one_map_only_has() -> None:
+    missing = FLOOR.take(FLOOR.ix > 3)
+    legend = plot_differences(FLOOR, missing, titles=("a.npz", "b.npz")).axes[2].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["in a.npz only"]
 
 
 def test_maps_of_other_cells_are_refused() -> None:
