@@ -24,6 +24,7 @@ TOPICS = {
     "queries": "Queries of maps",
     "meshes": "Meshes and their files",
     "reading": "Bags to points",
+    "plausibility": "What plausibility costs of reading",
     "commands": "Whole commands",
 }
 

@@ -119,5 +119,5 @@ def test_the_readme_shows_what_the_short_form_prints() -> None:
         known = re.fullmatch(r"`python -m benchmarks\.run --topic (\w+)`", command)
         assert known
         topics.add(known[1])
-    assert topics == set(run.TOPICS) - {"machine", "meshes", "queries", "reading"}
+    assert topics == set(run.TOPICS) - {"machine", "meshes", "plausibility", "queries", "reading"}
     assert len(HEAD) == len(Row("", 1.0, "").cells())

@@ -12,6 +12,9 @@ _MOST, _MOST_CHAINED = 0.1, 0.99
 """Where more than this share of the points lies too far outside, the bounds are wrong, not the
 points: of points that are stored one by one, and of those that are chained."""
 
+_BLOCK = 4096
+"""Points that are looked at before the answer may be known."""
+
 
 def within_bounds(
     points: Float64,
@@ -67,9 +70,16 @@ def within_bounds(
 
 @kernel
 def _all_within(points: Float64, low: Float64, high: Float64) -> bool:
-    """Return whether all points (N, 3) lie within bounds (3,)."""
-    for row in range(len(points)):
-        for axis in range(3):
-            if not low[axis] <= points[row, axis] <= high[axis]:
-                return False
+    """Return whether all points (N, 3) lie within bounds (3,): a block at a time, without branches.
+
+    A number that is none lies nowhere.
+    """
+    for begin in range(0, len(points), _BLOCK):
+        inside = True
+        for row in range(begin, min(begin + _BLOCK, len(points))):
+            x, y, z = points[row, 0], points[row, 1], points[row, 2]
+            inside &= (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
+            inside &= (z >= low[2]) & (z <= high[2])
+        if not inside:
+            return False
     return True

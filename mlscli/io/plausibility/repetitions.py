@@ -10,6 +10,9 @@ they remember. One of them fits a whole file. Where none does, the file is damag
 contradict the best one here and there, or only in a part of the file; if they do all over it, an
 unknown encoder wrote it, and nothing can be told.
 
+Walking in an encoder's steps takes as long as to decompress. So of a large file parts are looked
+at, and all of it where one of these is odd.
+
 References
 ----------
 M. Lehmann, liblzf 3.6, lzf_c.c; what the Point Cloud Library made of it, io/src/lzf.cpp.
@@ -18,13 +21,14 @@ M. Lehmann, liblzf 3.6, lzf_c.c; what the Point Cloud Library made of it, io/src
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from mlscli.io.plausibility.finding import Finding, doubted, refused, right
-from mlscli.runtime.arrays import UInt8
+from mlscli.runtime.arrays import Int32, UInt8
 from mlscli.runtime.kernels import inner, kernel
 
 _USUAL = ((13, 0, 1), (16, 0, 1), (16, 1, 2))
@@ -37,8 +41,8 @@ _OTHERS = tuple(product((16, 15, 14, 13, 17, 18, 12), (0, 1, 2), (1, 2, 264)))
 _FARTHEST, _LONGEST = 1 << 13, 264
 """How far back an encoder looks, and how much a step repeats, in bytes."""
 
-_BEGINNING = 1 << 15
-"""So many plain bytes tell most encoders apart."""
+_WHOLE, _PART = 1 << 18, 1 << 14
+"""Up to so many plain bytes all are looked at; of more, so many after each step that is given."""
 
 _HARDLY, _LARGE = 0.95, 1 << 20
 """Where so many bytes are compressed to more than this share, there is little to judge by."""
@@ -48,7 +52,9 @@ _FEW, _SOME, _BY_CHANCE = 0.02, 0.3, 1e-6
 the file without any is that unlikely to come by chance."""
 
 
-def repeats_as_encoded(data: UInt8, plain: UInt8, used: int) -> Finding[bool]:
+def repeats_as_encoded(
+    data: UInt8, plain: UInt8, used: int, steps: Sequence[tuple[int, int]]
+) -> Finding[bool]:
     """Return whether compressed bytes are those that an encoder made of the plain ones.
 
     Parameters
@@ -59,6 +65,8 @@ def repeats_as_encoded(data: UInt8, plain: UInt8, used: int) -> Finding[bool]:
         What all of them yield.
     used : int
         How many of the first plain bytes matter.
+    steps : sequence of (int, int)
+        Where some steps begin, in the compressed and in the plain bytes; see `decompress`.
 
     Returns
     -------
@@ -69,13 +77,11 @@ def repeats_as_encoded(data: UInt8, plain: UInt8, used: int) -> Finding[bool]:
     large = len(plain) > _LARGE and len(data) > _HARDLY * len(plain)
     if large or len(plain) >= 1 << 31:
         return right(True)
+    if any(_fits(data, plain, encoder, steps) for encoder in _USUAL):
+        return right(True)
     best = _Judged(1 << 62, 0, 0, 0)
-    # The beginning tells which of those in use to try first, as the first mostly fits.
-    usual = sorted(
-        _USUAL, key=lambda e: _judged(data, plain, e[0], e[1], e[2], best.odd, _BEGINNING)[0]
-    )
-    for bits, kind, kept in (*usual, *_OTHERS):
-        judged = _Judged(*_judged(data, plain, bits, kind, kept, best.odd, len(plain)))
+    for encoder in (*_USUAL, *_OTHERS):
+        judged = _judge(data, plain, encoder, best.odd)
         if not judged.odd:
             return right(True)
         best = judged if judged.odd < best.odd else best
@@ -114,30 +120,65 @@ class _Judged(NamedTuple):
         return math.exp(min(0.0, math.log(self.odd + 1) + self.odd * math.log1p(-share)))
 
 
+def _fits(
+    data: UInt8, plain: UInt8, encoder: tuple[int, int, int], steps: Sequence[tuple[int, int]]
+) -> bool:
+    """Return whether an encoder would have taken all steps that are looked at."""
+    if len(plain) <= _WHOLE:
+        return not _judge(data, plain, encoder, 1).odd
+    bits, kind, kept = encoder
+    last = np.zeros(1 << bits, dtype=np.int32)
+    for read, at in steps:
+        # What lies farther back than it looks is as good as unknown to it.
+        sure = at + _FARTHEST
+        if _judged(data, plain, last, kind, kept, 1, read, at, sure, sure + _PART)[0]:
+            return False
+    return True
+
+
+def _judge(data: UInt8, plain: UInt8, encoder: tuple[int, int, int], most: int) -> _Judged:
+    """Compare all steps with those of an encoder, until `most` contradict it."""
+    bits, kind, kept = encoder
+    last = np.zeros(1 << bits, dtype=np.int32)
+    return _Judged(*_judged(data, plain, last, kind, kept, most, 0, 0, 0, len(plain)))
+
+
 @kernel
 def _judged(
-    data: UInt8, plain: UInt8, bits: int, kind: int, kept: int, most: int, stop: int
+    data: UInt8,
+    plain: UInt8,
+    last: Int32,
+    kind: int,
+    kept: int,
+    most: int,
+    read: int,
+    at: int,
+    sure: int,
+    stop: int,
 ) -> tuple[int, int, int, int]:
     """Compare steps with those of an encoder, until `most` contradict it.
 
     Parameters
     ----------
     data, plain : uint8 (bytes,)
-    bits, kind, kept : int
+    last : int32 (2^bits,)
+        The last place of each hash; it is kept up to date.
+    kind, kept : int
         The encoder; see `_USUAL`.
     most : int
-    stop : int
-        Offset in the plain bytes at which to stop.
+    read, at : int
+        Where the first step begins, in the compressed and in the plain bytes.
+    sure, stop : int
+        Offsets in the plain bytes from which on steps are judged, and at which to stop.
 
     Returns
     -------
     odd, repetitions, gap, first : int
         See `_Judged`.
     """
-    last = np.zeros(1 << bits, dtype=np.int32)
     end = len(plain) - 2
     stop = min(stop, end)
-    read = at = odd = repetitions = gap = first = since = 0
+    odd = repetitions = gap = first = since = 0
     while at < stop and read < len(data) and odd < most:
         control = int(data[read])
         read += 1
@@ -147,7 +188,7 @@ def _judged(
             read += control + 1
             at += control + 1
             for place in range(begin, min(at, end)):
-                slot = _slot(plain, place, bits, kind)
+                slot = _slot(_three(plain, place), len(last), kind)
                 before = np.int64(last[slot])
                 last[slot] = place
                 if (
@@ -164,18 +205,18 @@ def _judged(
             if length == 9:
                 length += int(data[read])
                 read += 1
-            before = np.int64(begin - 1 - ((control & 31) << 8) - int(data[read]))
+            source = begin - 1 - ((control & 31) << 8) - int(data[read])
             read += 1
             at += length
-            slot = _slot(plain, begin, bits, kind)
-            fits = last[slot] == before
-            if length < _LONGEST and at < end and plain[before + length] == plain[at]:
+            slot = _slot(_three(plain, begin), len(last), kind)
+            fits = last[slot] == source
+            if length < _LONGEST and at < end and plain[source + length] == plain[at]:
                 fits = False
             last[slot] = begin
             if at < end:
                 for place in range(max(begin + 1, at - kept), at):
-                    last[_slot(plain, place, bits, kind)] = place
-        if not fits:
+                    last[_slot(_three(plain, place), len(last), kind)] = place
+        if not fits and begin >= sure:
             first = first if odd else begin
             gap, since = max(gap, repetitions - since), repetitions
             odd += 1
@@ -183,8 +224,15 @@ def _judged(
 
 
 @inner
-def _slot(plain: UInt8, at: int, bits: int, kind: int) -> int:
-    """Return the hash of three bytes."""
-    three = np.int64(plain[at]) << 16 | np.int64(plain[at + 1]) << 8 | np.int64(plain[at + 2])
+def _three(plain: UInt8, at: int) -> int:
+    """Return three bytes as a number."""
+    # Numba looks whether an index counts from the end, unless it has no sign.
+    first, second, third = plain[np.uint32(at)], plain[np.uint32(at + 1)], plain[np.uint32(at + 2)]
+    return int(np.int64(first) << 16 | np.int64(second) << 8 | np.int64(third))
+
+
+@inner
+def _slot(three: int, slots: int, kind: int) -> np.uint32:
+    """Return the hash of three bytes, below a number of slots that is a power of 2."""
     high = three ^ (three << 5) if kind == 2 else three
-    return int(((high >> (24 - bits)) - three * (5 if kind else 1)) & ((1 << bits) - 1))
+    return np.uint32(((high * slots >> 24) - three * (5 if kind else 1)) & (slots - 1))

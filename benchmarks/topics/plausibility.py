@@ -1,0 +1,189 @@
+"""What the checks of plausibility cost of reading, format by format: at most 3 %.
+
+Each file is read to keyframes with the checks of `mlscli.io.plausibility` and, in turns, with
+stand-ins that find everything right; the median of the ratios counts, by processor time. What finds
+no fault but does the work itself, as counting epochs or leaving out beams without a range, stays.
+"""
+
+from __future__ import annotations
+
+import struct
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+from unittest.mock import patch
+
+import laspy
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from benchmarks.table import Row, Timer
+from benchmarks.topics import reading
+from mlscli import open_recording
+from mlscli.io.plausibility.finding import Finding, right
+from mlscli.runtime.arrays import Float64
+from tests.helpers.pcds import encoded, pcd
+
+POINTS, LINES, STEP = 1_000_000, 300_000, 0.01
+SCANS, BEAMS = 5_000, 1_080
+_BAGS = {"bag of ROS 1": "ROS 1", "bag of ROS 2": "ROS 2 (SQLite)", "MCAP": "MCAP"}
+
+
+def rows(timer: Timer) -> Iterator[Row]:
+    """Yield for each format what the checks add to the time of reading, in per cent."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, write in FORMATS.items():
+            path = Path(folder, name.replace(" ", "_"))
+            write(path)
+            ratio = _ratio(path, max(timer.repeats, 3))
+            yield Row(f"{name}: the checks' share of reading", 100 * (ratio - 1), "%", most=3)
+
+
+def _ratio(path: Path, repeats: int) -> float:
+    """Return how many times as long reading takes with the checks as without."""
+    _seconds(path)
+    ratios = []
+    for turn in range(repeats):
+        with_checks = _seconds(path) if turn % 2 else 0.0
+        with ExitStack() as stack:
+            for target, stand_in in STAND_INS.items():
+                stack.enter_context(patch(target, stand_in))
+            without = _seconds(path)
+        ratios.append((with_checks or _seconds(path)) / without)
+    return median(ratios)
+
+
+def _seconds(path: Path) -> float:
+    begin = time.process_time()
+    for keyframe in open_recording(path).keyframes():
+        assert len(keyframe.points)
+    return time.process_time() - begin
+
+
+def _first(value: Any, *_: Any, **__: Any) -> Finding[Any]:
+    """Return that what is given is right."""
+    return right(value)
+
+
+def _all(points: Float64, *_: Any, **__: Any) -> Finding[Any]:
+    """Return that all points are right."""
+    return right(np.ones(len(points), dtype=np.bool_))
+
+
+STAND_INS: dict[str, Callable[..., Any]] = {
+    "mlscli.io.clouds.las.within_bounds": _all,
+    "mlscli.io.clouds.pcdcompressed.odd_exponents": lambda *_: None,
+    "mlscli.io.clouds.pcdcompressed.repeats_as_encoded": lambda *_: right(True),
+    "mlscli.io.clouds.pointfile.are_lengths": _first,
+    "mlscli.io.clouds.text.in_seconds": _first,
+    "mlscli.io.messages.laserscan.angles_of": lambda count, low, _, step: right(
+        low + np.arange(count, dtype=np.float64) * step
+    ),
+    "mlscli.io.messages.pointcloud2.layout_of": lambda _, stated, __: right(stated),
+    "mlscli.io.messages.pointcloud2.looks_right": lambda *_: True,
+    "mlscli.io.reading.frames.of_one_body": _first,
+    "mlscli.io.reading.placing.same_clock": lambda *_: right(0.0),
+    "mlscli.io.reading.rivals.alternate": lambda _: False,
+    "mlscli.io.reading.rivals.of_one_body": _first,
+    "mlscli.io.reading.sieve.pile": lambda _: right(0),
+    "mlscli.io.reading.sieve.without_zeros": _all,
+}
+"""What takes the place of each check."""
+
+
+def _cloud(count: int) -> Float64:
+    """Return hills in UTM coordinates, rounded as survey data are, in float64 (N, 3)."""
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, 400, (2, count))
+    z = 300 + 20 * np.sin(x / 70) * np.cos(y / 90) + rng.normal(0, 0.05, count)
+    points = np.column_stack((512_000 + x, 5_400_000 + y, z))
+    return np.asarray(np.round(points / STEP) * STEP)
+
+
+def _text(path: Path, head: str, separator: str = " ", rest: str = "") -> None:
+    lines = (separator.join(f"{v:.2f}" for v in row) + rest for row in _cloud(LINES).tolist())
+    path.write_text(head + "\n".join(lines) + "\n", "ascii")
+
+
+def _binary(path: Path, head: bytes) -> None:
+    path.write_bytes(head + _cloud(POINTS).astype("<f8").tobytes())
+
+
+def _ply(form: str, type_: str, count: int) -> str:
+    properties = "".join(f"property {type_} {axis}\n" for axis in "xyz")
+    return f"ply\nformat {form} 1.0\nelement vertex {count}\n{properties}end_header\n"
+
+
+def _pcd(form: str, count: int, body: bytes = b"", size: int = 8) -> bytes:
+    return pcd(form, body, SIZE=f"{size} {size} {size}", WIDTH=count, POINTS=count)
+
+
+def _compressed(path: Path, *, voxel: float = STEP) -> None:
+    """Write points in the order in which they came, or the centres of their voxels in rows."""
+    points = _cloud(POINTS)
+    if voxel > STEP:
+        points = np.round((points - points.min(axis=0)) / voxel) * voxel
+        points = points[np.lexsort(points.T[:2])]
+    plain = points.astype("<f4").T.tobytes()
+    body = encoded(plain, 13, 1, 1)
+    packed = struct.pack("<II", len(body), len(plain)) + body
+    path.write_bytes(_pcd("binary_compressed", POINTS, packed, 4))
+
+
+def _las(path: Path, *, compress: bool) -> None:
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    points = _cloud(POINTS)
+    header.scales, header.offsets = np.full(3, STEP), np.floor(points.min(axis=0))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = points.T
+    with path.open("wb") as file:
+        las.write(file, do_compress=compress, laz_backend=laspy.LazBackend.Lazrs)
+
+
+def _scans(path: Path) -> None:
+    """Write laser scans in the frame of the map."""
+    store = get_typestore(Stores.LATEST)
+    types: Any = store.types
+    rng = np.random.default_rng(1)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/scan", "sensor_msgs/msg/LaserScan", typestore=store)
+        for number in range(SCANS):
+            stamp = types["builtin_interfaces/msg/Time"](sec=number // 10, nanosec=number % 10)
+            message = types["sensor_msgs/msg/LaserScan"](
+                header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="map"),
+                angle_min=-2.35, angle_max=-2.35 + (BEAMS - 1) * 0.00436, angle_increment=0.00436,
+                time_increment=0.0, scan_time=0.1, range_min=0.1, range_max=30.0,
+                ranges=rng.uniform(0.5, 29, BEAMS).astype("<f4"),
+                intensities=np.empty(0, "<f4"),
+            )  # fmt: skip
+            data = store.serialize_cdr(message, "sensor_msgs/msg/LaserScan")
+            writer.write(connection, number * 10**8, data)
+
+
+FORMATS: dict[str, Callable[[Path], None]] = {
+    "text": partial(_text, head=""),
+    "text with a header": partial(_text, head="x,y,z,t\n", separator=",", rest=",1.5"),
+    "PTS": partial(_text, head=f"{LINES}\n"),
+    "PTX": partial(
+        _text,
+        head=f"{LINES}\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
+        rest=" 0.5",
+    ),
+    "PLY of text": partial(_text, head=_ply("ascii", "double", LINES)),
+    "PLY": partial(_binary, head=_ply("binary_little_endian", "double", POINTS).encode()),
+    "PCD of text": partial(_text, head=_pcd("ascii", LINES).decode()),
+    "PCD": partial(_binary, head=_pcd("binary", POINTS)),
+    "PCD compressed": _compressed,
+    "PCD compressed of voxels": partial(_compressed, voxel=0.25),
+    "LAS": partial(_las, compress=False),
+    "LAZ": partial(_las, compress=True),
+    **{name: partial(reading.write, kind=kind) for name, kind in _BAGS.items()},
+    "laser scans in MCAP": _scans,
+}
+"""How a file of each format is written."""
