@@ -57,6 +57,7 @@ COMMANDS = (
     "export flight.npz --format ply",
     "export flight.npz --format obj --style patches",
     f"build {BRIDGE} -c every.yaml -o bridge.npz",
+    "export bridge.npz --format nav2 --slope 45",
     "compare flight.npz --cloud flight.txt --flight flight.txt --within 0.5",
     f"synth --cloud {BRIDGE} -o scan.txt --features 20",
 )

@@ -23,6 +23,7 @@ TOPICS = {
     "pipeline": "The whole pipeline",
     "queries": "Queries of maps",
     "meshes": "Meshes and their files",
+    "exports": "What planners read",
     "reading": "Bags to points",
     "plausibility": "What plausibility costs of reading",
     "commands": "Whole commands",

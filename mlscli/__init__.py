@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mlscli.config import load as load_parameters
     from mlscli.io.reading.recording import open_recording
     from mlscli.io.writing.glb import write_glb
+    from mlscli.io.writing.nav2 import write_nav2
     from mlscli.io.writing.npz import read_map, write_map
     from mlscli.io.writing.obj import write_obj
     from mlscli.io.writing.ply import write_ply
@@ -49,6 +50,7 @@ __all__ = [
     "read_map",
     "write_glb",
     "write_map",
+    "write_nav2",
     "write_obj",
     "write_page",
     "write_ply",
@@ -72,6 +74,7 @@ _HOMES = {
     "read_map": ("mlscli.io.writing.npz", "read_map"),
     "write_glb": ("mlscli.io.writing.glb", "write_glb"),
     "write_map": ("mlscli.io.writing.npz", "write_map"),
+    "write_nav2": ("mlscli.io.writing.nav2", "write_nav2"),
     "write_obj": ("mlscli.io.writing.obj", "write_obj"),
     "write_page": ("mlscli.view.page", "write_page"),
     "write_ply": ("mlscli.io.writing.ply", "write_ply"),

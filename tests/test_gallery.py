@@ -19,8 +19,9 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 PICTURES = sorted((DOCS / "gallery").glob("*.png"))
 
 
-def test_the_gallery_shows_all_pictures_and_no_other() -> None:
-    shown = re.findall(r"\]\(gallery/([^)]+)\)", (DOCS / "gallery.md").read_text(encoding="utf-8"))
+def test_every_picture_is_shown_once_and_no_other() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in DOCS.glob("*.md"))
+    shown = re.findall(r"\]\(gallery/([^)]+)\)", pages)
     assert sorted(shown) == [picture.name for picture in PICTURES]
 
 

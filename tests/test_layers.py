@@ -25,7 +25,7 @@ FLOORS = (
     ("errors", "version", "words"),
     ("parameters", "runtime"),
     ("keyframes", "maps"),
-    ("geometry", "io", "io.plausibility", "mesh", "pipeline.stages", "queries"),
+    ("geometry", "io", "io.plausibility", "mesh", "pipeline.stages", "queries", "rasters"),
     ("io.clouds", "io.containers", "io.writing", "pipeline"),
     ("config", "io.messages", "pipeline.tilewise", "scoring", "view"),
     ("io.reading", "plot", "scenes"),

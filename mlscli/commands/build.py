@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 # Endings of other formats, which would mislead other programs.
-_NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png")
+_NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png", ".yaml", ".yml")
 
 
 @click.command(cls=FormatsInHelp)

@@ -1,22 +1,23 @@
-"""``mls export``: write a map as a mesh."""
+"""``mls export``: write a map in the format of another program."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from typing import Any
 
 import click
 
+from mlscli.commands.formats import FORMATS, Order
 from mlscli.commands.maps import the_one_map
-from mlscli.commands.options import as_json, coloured, overwrite, without_artificial
+from mlscli.commands.options import (
+    as_json,
+    coloured,
+    overwrite,
+    refuse_given,
+    say,
+    without_artificial,
+)
 from mlscli.errors import UsageError
-
-if TYPE_CHECKING:
-    from mlscli.maps.surface_map import SurfaceMap
-    from mlscli.mesh.colours import ColourBy
-
-Format: TypeAlias = Literal["ply", "obj", "glb", "mcap"]
-FORMATS: tuple[Format, ...] = get_args(Format)
 
 
 @click.command()
@@ -24,7 +25,7 @@ FORMATS: tuple[Format, ...] = get_args(Format)
 @click.option(
     "--format",
     "kind",
-    type=click.Choice(FORMATS),
+    type=click.Choice(tuple(FORMATS)),
     help="Default: what -o ends in, or else ply.",
 )
 @click.option(
@@ -32,7 +33,7 @@ FORMATS: tuple[Format, ...] = get_args(Format)
     type=click.Choice(("surface", "patches")),
     default="surface",
     show_default=True,
-    help="Surfaces and walls, or each patch as a point with a line for its depth.",
+    help="Of meshes: surfaces and walls, or each patch as a point with a line for its depth.",
 )
 @click.option(
     "-o",
@@ -53,94 +54,82 @@ FORMATS: tuple[Format, ...] = get_args(Format)
 )
 @coloured
 @without_artificial
+@click.option(
+    "--slope",
+    type=float,
+    metavar="DEGREES",
+    help="Of nav2: the steepest slope that the robot climbs.  [default: 20]",
+)
+@click.option(
+    "--step",
+    metavar="LENGTH",
+    help="Of nav2: the highest step that it climbs, a number or N cells.  [default: 0.5 cells]",
+)
+@click.option(
+    "--headroom",
+    metavar="LENGTH",
+    help="Of nav2: how high the robot is, a number or N cells.  [default: the map's vehicle]",
+)
+@click.option(
+    "--flying-height",
+    type=float,
+    metavar="Z",
+    help="Of nav2: what a craft meets whose middle flies there, in place of storeys.",
+)
+@click.option(
+    "--least",
+    type=click.IntRange(1, 255),
+    default=2,
+    show_default=True,
+    metavar="N",
+    help="Space is free where so many sight lines passed through it.",
+)
 @overwrite
 @as_json
-def command(
-    source: str | None,
-    kind: Format | None,
-    style: Literal["surface", "patches"],
-    output: str | None,
-    max_slope: float | None,
-    as_recorded: bool,
-    colour: ColourBy,
-    no_artificial: bool,
-    overwrite: bool,
-    as_json: bool,
-) -> None:
-    """Write a map as a mesh, for MeshLab, CloudCompare, Blender, a browser and the like.
+def command(source: str | None, as_json: bool, **options: Any) -> None:
+    """Write a map for MeshLab, CloudCompare, Blender, a browser, or for a planner.
 
     Without MAP the one map (.npz) in the current folder is taken. OBJ comes with a file of
     materials (.mtl) beside it. MCAP holds the finished map, uncovered as the flight saw it, for
-    Foxglove Studio and RViz.
+    Foxglove Studio and RViz. nav2 is what map_server reads, an image and a YAML file for each
+    storey (NAME.1.yaml, ...) on which a robot can drive, or for a flying height.
     """
     map_file = Path(source) if source is not None else the_one_map()
-    kind = _format(kind, output)
-    target = Path(output) if output is not None else Path(f"{map_file.stem}.{kind}")
+    output = options["output"]
+    kind = options["kind"] = _format(options["kind"], output)
+    chosen = FORMATS[kind]
+    taken = {name for each in FORMATS.values() for name in each.takes}
+    refuse_given(f"--format {kind} does not take it", *taken.difference(chosen.takes))
+    target = Path(output) if output is not None else Path(map_file.stem + chosen.endings[0])
 
-    from mlscli.io.writing.atomic import refuse_existing
+    from mlscli.io.writing.atomic import refuse_sources
 
-    refuse_existing(target, overwrite=overwrite, sources=[map_file])
+    refuse_sources(target, [map_file])
+    chosen.refuse(target, options)
 
-    from mlscli.io.writing.glb import write_glb
     from mlscli.io.writing.npz import read_map
 
-    if kind == "mcap":
-        drawn = style != "surface" or max_slope is not None or no_artificial or as_recorded
-        if drawn or colour != "height":
-            raise UsageError("--format mcap: holds all of the map; leave out how it is to be drawn")
-        surface = read_map(map_file)
-        _replay(target, surface, overwrite=overwrite)
-        _report(target, kind, {"patches": surface.size}, as_json=as_json)
-        return
-
-    from mlscli.io.writing.obj import write_obj
-    from mlscli.io.writing.ply import write_ply
-    from mlscli.mesh import MAX_SLOPE, build_mesh
-
-    mesh = build_mesh(
-        read_map(map_file),
-        style,
-        max_slope=MAX_SLOPE if max_slope is None else max_slope,
-        artificial=not no_artificial,
-        colour=colour,
-        as_recorded=as_recorded,
-    )
-    write = {"ply": write_ply, "obj": write_obj, "glb": write_glb}[kind]
-    write(target, mesh, overwrite=overwrite)
-    counts = {
-        "vertices": len(mesh.vertices),
-        "triangles": len(mesh.triangles),
-        "lines": len(mesh.lines),
-    }
-    _report(target, kind, counts, as_json=as_json)
-
-
-def _replay(target: Path, surface: SurfaceMap, *, overwrite: bool) -> None:
-    """Write the map as a replay: its patches appear as the flight measured them."""
-    from mlscli.maps.uncovering import growth
-    from mlscli.view.replay import write_replay
-
-    write_replay(target, surface, growth(surface), overwrite=overwrite)
-
-
-def _report(target: Path, kind: str, counts: dict[str, int], *, as_json: bool) -> None:
+    written = chosen.write(Order(read_map(map_file), target, options))
+    for note in written.notes:
+        say(f"{map_file}: {note}")
     if as_json:
         import json
 
-        click.echo(json.dumps({"file": str(target), "format": kind, **counts}))
+        click.echo(json.dumps({"file": str(target), "format": kind, **written.told}))
     else:
-        held = ", ".join(f"{count} {name}" for name, count in counts.items())
-        click.echo(f"{target}: {held}")
+        for line in written.lines:
+            click.echo(line)
 
 
-def _format(kind: Format | None, output: str | None) -> Format:
+def _format(kind: str | None, output: str | None) -> str:
     """Return the format: `kind`, or by the output's ending, or ply; the first two must agree."""
-    ending = None if output is None else Path(output).suffix.lower()
-    by_ending = next((name for name in FORMATS if ending == f".{name}"), None)
-    if kind and by_ending and kind != by_ending:
-        raise UsageError(f"--format {kind}: {output} ends in .{by_ending}; let them agree")
+    ending = "" if output is None else Path(output).suffix.lower()
+    by_ending = [name for name, each in FORMATS.items() if ending in each.endings]
+    if kind and by_ending and kind not in by_ending:
+        raise UsageError(f"--format {kind}: {output} ends in {ending}; let them agree")
     if output is not None and not (kind or by_ending):
+        *endings, last = dict.fromkeys(each.endings[0] for each in FORMATS.values())
         raise UsageError(
-            f"{output}: does not end in .ply, .obj, .glb or .mcap; say which with --format"
+            f"{output}: does not end in {', '.join(endings)} or {last}; say which with --format"
         )
-    return kind or by_ending or "ply"
+    return kind or next(iter(by_ending), "ply")

@@ -16,7 +16,7 @@ def the_one_map() -> Path:
     Raises
     ------
     UsageError
-        Where there is none, or there are several.
+        Where there is none, or there are several: the newest is named first.
     """
     from mlscli.io.writing.npz import is_map
 
@@ -25,6 +25,8 @@ def the_one_map() -> Path:
     if not maps:
         raise UsageError("MAP: no map (.npz) in the current folder; name one")
     if len(maps) > 1:
-        names = ", ".join(map(str, maps))
+        maps.sort(key=lambda file: -file.stat().st_mtime_ns)
+        newest, *others = map(str, maps)
+        names = f"{newest} (the newest), {', '.join(others)}"
         raise UsageError(f"MAP: {len(maps)} maps in the current folder; name one of {names}")
     return maps[0]

@@ -6,6 +6,7 @@ Ways to pass without being right: to look at the exit status alone, so the files
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,10 @@ from mlscli.commands.export import command
 from mlscli.errors import InputError, OutputError, UsageError
 from mlscli.io.writing.npz import write_map
 from mlscli.io.writing.ply import write_ply
+from mlscli.maps.space import FREE, OCCUPIED, UNKNOWN
 from mlscli.mesh import build_mesh
 from tests.helpers.meshes import house
+from tests.helpers.occupancy import served
 
 
 @pytest.fixture
@@ -55,9 +58,12 @@ def test_the_one_map_in_the_folder_becomes_a_ply(folder: Path) -> None:
 
 def test_of_several_maps_one_must_be_named(folder: Path) -> None:
     write_map("barn.npz", house())
+    write_map("attic.npz", house())
+    for age, name in enumerate(("barn", "house", "attic")):
+        os.utime(f"{name}.npz", (1e9 - age, 1e9 - age))
     error = complaint()
     assert isinstance(error, UsageError)
-    assert str(error).endswith("name one of barn.npz, house.npz")
+    assert str(error).endswith("name one of barn.npz (the newest), house.npz, attic.npz")
     assert export("barn.npz").exit_code == 0
     assert (folder / "barn.ply").exists()
 
@@ -107,7 +113,7 @@ def test_the_format_is_the_one_named_or_the_output_s_ending(
 def test_an_ending_that_says_nothing_is_refused(folder: Path) -> None:
     error = complaint("-o", "a.stl")
     assert isinstance(error, UsageError)
-    assert "a.stl: does not end in .ply, .obj, .glb or .mcap" in str(error)
+    assert "a.stl: does not end in .ply, .obj, " in str(error)
     assert not (folder / "a.stl").exists()
 
 
@@ -199,3 +205,37 @@ def test_a_replay_takes_no_options_of_drawing() -> None:
         error = complaint("house.npz", "-o", "a.mcap", *options)
         assert isinstance(error, UsageError)
         assert "--format mcap" in str(error)
+
+
+def test_storeys_and_a_flying_height_are_written_for_nav2(folder: Path) -> None:
+    result = export("--format", "nav2", "--slope", "40", "--headroom", "3 cells")
+    assert result.stdout.startswith("house.1.yaml: storey 1, its floor from z -0.1 to ")
+    states, _ = served(folder / "house.1.yaml")
+    assert set(states.values()) == {FREE, OCCUPIED, UNKNOWN}
+    flown = export("-o", "fly.yaml", "--flying-height", "1.5", "--headroom", "0.3", "--json")
+    (sheet,) = json.loads(flown.stdout)["sheets"]
+    assert sheet["what"] == "a craft from z 1.35 to 1.65"
+    assert (sheet["free"], sheet["file"]) == (0, "fly.yaml")
+    assert "does not say what was seen through" in flown.stderr
+    assert "--free-space" in flown.stderr
+
+
+@pytest.mark.usefixtures("folder")
+def test_options_of_other_formats_are_refused() -> None:
+    for format_, options in (
+        ("ply", ("--slope", "30")),
+        ("nav2", ("--color", "count")),
+        ("mcap", ("--step", "1")),
+    ):
+        error = complaint("--format", format_, *options)
+        assert isinstance(error, UsageError)
+        assert str(error) == f"{options[0]}: --format {format_} does not take it"
+    assert "at most 60" in str(complaint("--format", "nav2", "--slope", "89"))
+    assert sorted(Path().glob("house.*")) == [Path("house.npz")]
+
+
+def test_an_existing_storey_is_refused_before_the_map_is_read(folder: Path) -> None:
+    (folder / "broken.1.pgm").write_bytes(b"mine")
+    error = complaint("broken.npz", "--format", "nav2")
+    assert isinstance(error, OutputError)
+    assert "broken.1.pgm: exists already" in str(error)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -96,6 +96,38 @@ def atomic_write(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
         if temporary is not None:
             with suppress(FileNotFoundError):
                 temporary.unlink()
+
+
+def write_together(files: Mapping[Path, bytes], *, overwrite: bool = False) -> None:
+    """Write several files, all or none; those that exist stay as they were where one fails.
+
+    Parameters
+    ----------
+    files : mapping of Path to bytes
+        What each holds.
+    overwrite : bool
+
+    Raises
+    ------
+    OutputError
+        As `atomic_write`, of any of them.
+    """
+    for file in files:
+        refuse_existing(file, overwrite=overwrite)
+    before = {file: file.read_bytes() if file.exists() else None for file in files}
+    try:
+        with ExitStack() as opened:
+            for file, content in files.items():
+                opened.enter_context(atomic_write(file, overwrite=overwrite)).write(content)
+    except BaseException:
+        for file, content_before in before.items():
+            if content_before is None:
+                # It was not there, or is of somebody else.
+                if file.exists() and file.read_bytes() == files[file]:
+                    file.unlink()
+            elif file.read_bytes() != content_before:
+                file.write_bytes(content_before)
+        raise
 
 
 def _rename_new(temporary: Path, target: Path) -> None:

@@ -1,0 +1,175 @@
+"""The formats of ``mls export``: what each is called, which options it takes, how it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from mlscli.words import some
+
+if TYPE_CHECKING:
+    from mlscli.maps.surface_map import SurfaceMap
+
+NOT_SEEN = (
+    "the map does not say what was seen through, so nothing is free; build it with `free_space`"
+)
+
+
+class Order(NamedTuple):
+    """What is to be written.
+
+    Attributes
+    ----------
+    surface : SurfaceMap
+    target : Path
+        The file to write.
+    options : dict
+        The values of all options, by the names under which the command takes them.
+    """
+
+    surface: SurfaceMap
+    target: Path
+    options: dict[str, Any]
+
+    @property
+    def overwrite(self) -> bool:
+        """Whether what exists may be replaced."""
+        return bool(self.options["overwrite"])
+
+
+class Written(NamedTuple):
+    """What was written.
+
+    Attributes
+    ----------
+    lines : list of str
+        For the reader.
+    told : dict
+        The same, ready for JSON.
+    notes : list of str
+        What the user should know, on standard error.
+    """
+
+    lines: list[str]
+    told: dict[str, Any]
+    notes: list[str]
+
+
+class Format(NamedTuple):
+    """A format.
+
+    Attributes
+    ----------
+    endings : tuple of str
+        Those of its files, the usual one first.
+    takes : tuple of str
+        The options that it takes beside those of all formats.
+    write : callable
+    refuse : callable
+        Refuses to replace what exists, before any work is done: ``refuse(target, options)``.
+    """
+
+    endings: tuple[str, ...]
+    takes: tuple[str, ...]
+    write: Callable[[Order], Written]
+    refuse: Callable[[Path, dict[str, Any]], None]
+
+
+def _refuse_file(target: Path, options: dict[str, Any]) -> None:
+    from mlscli.io.writing.atomic import refuse_existing
+
+    refuse_existing(target, overwrite=options["overwrite"])
+
+
+def _counted(order: Order, counts: dict[str, int], notes: list[str] | None = None) -> Written:
+    held = ", ".join(f"{count} {name}" for name, count in counts.items())
+    return Written([f"{order.target}: {held}"], {**counts}, notes or [])
+
+
+# --- meshes, and the replay ---
+
+DRAWN = ("style", "max_slope", "as_recorded", "colour", "no_artificial")
+
+
+def _mesh(order: Order) -> Written:
+    from mlscli.io.writing.glb import write_glb
+    from mlscli.io.writing.obj import write_obj
+    from mlscli.io.writing.ply import write_ply
+    from mlscli.mesh import MAX_SLOPE, build_mesh
+
+    options = order.options
+    slope = options["max_slope"]
+    mesh = build_mesh(
+        order.surface,
+        options["style"],
+        max_slope=MAX_SLOPE if slope is None else slope,
+        artificial=not options["no_artificial"],
+        colour=options["colour"],
+        as_recorded=options["as_recorded"],
+    )
+    write = {"ply": write_ply, "obj": write_obj, "glb": write_glb}[options["kind"]]
+    write(order.target, mesh, overwrite=order.overwrite)
+    counts = {
+        "vertices": len(mesh.vertices),
+        "triangles": len(mesh.triangles),
+        "lines": len(mesh.lines),
+    }
+    return _counted(order, counts)
+
+
+def _replay(order: Order) -> Written:
+    """Write the map as a replay: its patches appear as the flight measured them."""
+    from mlscli.maps.uncovering import growth
+    from mlscli.view.replay import write_replay
+
+    surface = order.surface
+    write_replay(order.target, surface, growth(surface), overwrite=order.overwrite)
+    return _counted(order, {"patches": surface.size})
+
+
+# --- for planners ---
+
+ROBOT = ("slope", "step", "headroom")
+
+
+def _nav2(order: Order) -> Written:
+    from mlscli.io.writing.nav2 import write_nav2
+    from mlscli.rasters.robot import Robot
+
+    options = order.options
+    flying = options["flying_height"]
+    robot = Robot.of(**{name: options[name] for name in ROBOT})
+    sheets, left_out = write_nav2(
+        order.target,
+        order.surface,
+        robot,
+        flying_height=flying,
+        least=options["least"],
+        overwrite=order.overwrite,
+    )
+    told = [sheet._asdict() | {"file": str(sheet.file)} for sheet in sheets]
+    lines = [
+        f"{sheet.file}: {sheet.what}: {sheet.free:,} free, {sheet.occupied:,} occupied, "
+        f"{sheet.unknown:,} unknown"
+        for sheet in sheets
+    ]
+    notes = [NOT_SEEN] if flying is not None and order.surface.free is None else []
+    if left_out:
+        notes.append(f"{some(left_out, 'cell')} with a floor too small for a storey of its own")
+    return Written(lines, {"sheets": told, "left_out": left_out}, notes)
+
+
+def _refuse_sheets(target: Path, options: dict[str, Any]) -> None:
+    from mlscli.io.writing.nav2 import refuse_sheets
+
+    refuse_sheets(target, overwrite=options["overwrite"], numbered=options["flying_height"] is None)
+
+
+FORMATS = {
+    "ply": Format((".ply",), DRAWN, _mesh, _refuse_file),
+    "obj": Format((".obj",), DRAWN, _mesh, _refuse_file),
+    "glb": Format((".glb",), DRAWN, _mesh, _refuse_file),
+    "mcap": Format((".mcap",), (), _replay, _refuse_file),
+    "nav2": Format((".yaml", ".yml"), (*ROBOT, "flying_height", "least"), _nav2, _refuse_sheets),
+}
