@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mlscli.io.writing.nav2 import write_nav2
     from mlscli.io.writing.npz import read_map, write_map
     from mlscli.io.writing.obj import write_obj
+    from mlscli.io.writing.octomap import write_octomap
     from mlscli.io.writing.ply import write_ply
     from mlscli.maps.grid import Grid
     from mlscli.maps.merging import merge_maps
@@ -52,6 +53,7 @@ __all__ = [
     "write_map",
     "write_nav2",
     "write_obj",
+    "write_octomap",
     "write_page",
     "write_ply",
     "write_replay",
@@ -76,6 +78,7 @@ _HOMES = {
     "write_map": ("mlscli.io.writing.npz", "write_map"),
     "write_nav2": ("mlscli.io.writing.nav2", "write_nav2"),
     "write_obj": ("mlscli.io.writing.obj", "write_obj"),
+    "write_octomap": ("mlscli.io.writing.octomap", "write_octomap"),
     "write_page": ("mlscli.view.page", "write_page"),
     "write_ply": ("mlscli.io.writing.ply", "write_ply"),
     "write_replay": ("mlscli.view.replay", "write_replay"),

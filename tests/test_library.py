@@ -194,6 +194,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "write_obj": (mlscli.write_obj, {"path": "a", "mesh": SURFACE}),
     "write_glb": (mlscli.write_glb, {"path": "a", "mesh": SURFACE}),
     "write_nav2": (mlscli.write_nav2, {"path": "a.yaml", "surface": SURFACE}),
+    "write_octomap": (mlscli.write_octomap, {"path": "a", "surface": SURFACE}),
     "write_page": (mlscli.write_page, {"path": "a", "surface": SURFACE}),
     "write_replay": (mlscli.write_replay, {"path": "a", "surface": SURFACE, "changes": []}),
     "open_replay": (enter(mlscli.open_replay), {"path": "a"}),

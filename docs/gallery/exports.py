@@ -1,7 +1,7 @@
 """Make the pictures of what other programs read: ``python -m docs.gallery.exports [NAME ...]``.
 
 Names are those of the functions in `ALL`. Each picture is drawn from the files that
-``mls export`` writes of the hamlet in the README.
+``mls export`` writes of the hamlet in the README, or of a house.
 """
 
 from __future__ import annotations
@@ -10,14 +10,21 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from benchmarks import figures
 from docs.gallery.make import CAPTION, WIDTH, hamlet, save
+from mlscli.config import load
 from mlscli.io.writing.nav2 import write_nav2
+from mlscli.io.writing.octomap import write_octomap
 from mlscli.rasters.robot import Robot
 from mlscli.runtime.arrays import Array, UInt8
+from mlscli.scenes.flight import fly
+from mlscli.scenes.presets import make
+from mlscli.trials.staged import mapped
 
 EDGE = 8
 
@@ -34,7 +41,41 @@ def nav2() -> None:
     save("nav2", tiled(images))
 
 
-ALL: Sequence[Callable[[], None]] = (nav2,)
+def octomap() -> None:
+    """Draw an octree, cut upright through a house with storeys, and level in the lower one."""
+    import pyoctomap
+
+    flight = fly(make("house-storeys"), 0.08, figures.CALM, seed=1)
+    surface = mapped(flight, load("default", ["map.cell_size=0.15", "map.free_space=true"]))
+    with tempfile.TemporaryDirectory() as folder:
+        write_octomap(Path(folder, "house.bt"), surface)
+        tree = pyoctomap.OcTree(1.0)
+        tree.readBinary(str(Path(folder, "house.bt")))
+    (x0, y0, z0), (x1, y1, z1) = tree.getMetricMin(), tree.getMetricMax()
+    side = tree.getResolution()
+    x, y, z = (
+        np.arange(low + side / 2, high, side) for low, high in ((x0, x1), (y0, y1), (z0, z1))
+    )
+    middle, level = (y0 + y1) / 2 + side / 2, z0 + 0.7
+    upright = [[(a, middle, c) for a in x] for c in z[::-1]]
+    flat = [[(a, b, level) for a in x] for b in y[::-1]]
+    images = [(name, _shades(tree, places)) for name, places in (
+        (f"house.bt, cut at y = {middle:.2f}", upright), (f"house.bt, cut at z = {level:.2f}", flat)
+    )]  # fmt: skip
+    save("octomap", tiled(images))
+
+
+def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -> UInt8:
+    """Return a picture of what a tree holds at places: black, white, and grey where unknown."""
+    image = np.full((len(places), len(places[0])), 160, dtype=np.uint8)
+    for row, column in np.ndindex(image.shape):
+        node = tree.search(np.array(places[row][column]))
+        if node is not None:
+            image[row, column] = 0 if tree.isNodeOccupied(node) else 255
+    return image
+
+
+ALL: Sequence[Callable[[], None]] = (nav2, octomap)
 
 
 def tiled(images: Sequence[tuple[str, Array]], columns: int = 2) -> UInt8:

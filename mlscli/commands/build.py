@@ -28,7 +28,19 @@ if TYPE_CHECKING:
 
 
 # Endings of other formats, which would mislead other programs.
-_NO_MAPS = (".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".html", ".png", ".yaml", ".yml")
+_NO_MAPS = (
+    ".ply",
+    ".obj",
+    ".glb",
+    ".mcap",
+    ".bag",
+    ".pcd",
+    ".html",
+    ".png",
+    ".yaml",
+    ".yml",
+    ".bt",
+)
 
 
 @click.command(cls=FormatsInHelp)

@@ -166,10 +166,29 @@ def _refuse_sheets(target: Path, options: dict[str, Any]) -> None:
     refuse_sheets(target, overwrite=options["overwrite"], numbered=options["flying_height"] is None)
 
 
+def _octomap(order: Order) -> Written:
+    from mlscli.io.writing.octomap import write_octomap
+
+    written = write_octomap(
+        order.target,
+        order.surface,
+        artificial=not order.options["no_artificial"],
+        least=order.options["least"],
+        overwrite=order.overwrite,
+    )
+    notes = [NOT_SEEN] if order.surface.free is None else []
+    line = (
+        f"{order.target}: {written.occupied:,} occupied voxels, {written.free:,} free, in "
+        f"{written.nodes:,} nodes; cubes of {written.side:g}"
+    )
+    return Written([line], written._asdict(), notes)
+
+
 FORMATS = {
     "ply": Format((".ply",), DRAWN, _mesh, _refuse_file),
     "obj": Format((".obj",), DRAWN, _mesh, _refuse_file),
     "glb": Format((".glb",), DRAWN, _mesh, _refuse_file),
     "mcap": Format((".mcap",), (), _replay, _refuse_file),
     "nav2": Format((".yaml", ".yml"), (*ROBOT, "flying_height", "least"), _nav2, _refuse_sheets),
+    "octomap": Format((".bt",), ("no_artificial", "least"), _octomap, _refuse_file),
 }

@@ -6,13 +6,16 @@ import numpy as np
 
 from mlscli.errors import UsageError, expect
 from mlscli.maps.cells import pack
-from mlscli.maps.free_space import voxels_at
+from mlscli.maps.free_space import FreeSpace, voxels_at
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8, UInt64
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.sorting import place_of
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+
+MOST_VOXELS = 2**27
+"""So many voxels are listed at most: they take 25 bytes each."""
 
 
 def space_at(surface: SurfaceMap, xyz: Float64, least: int = 2) -> UInt8:
@@ -52,6 +55,49 @@ def space_at(surface: SurfaceMap, xyz: Float64, least: int = 2) -> UInt8:
     taken = _taken(keys, heights, pack(cells.ix, cells.iy), cells.start, low, high)
     space[places[taken]] = OCCUPIED
     return space
+
+
+def known_voxels(surface: SurfaceMap, least: int = 2) -> tuple[Int64, UInt8]:
+    """Return all voxels that are occupied or free, as `space_at` has it, in no certain order.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+        Without free space, no voxel is free.
+    least : int
+        How many lines are enough.
+
+    Returns
+    -------
+    voxels : int64 (N, 3)
+        Their indices ix, iy, iz. One that several patches reach into is listed for each, and one
+        that is occupied may be listed as free, too.
+    space : uint8 (N,)
+        `FREE` or `OCCUPIED`.
+
+    Raises
+    ------
+    UsageError
+        Where they are more than `MOST_VOXELS`.
+    """
+    half = surface.cell_size / 2
+    low, high = (np.floor(end / half).astype(np.int64) for end in (surface.low_end, surface.height))
+    sizes = high - low + 1
+    free = FreeSpace.of_none() if surface.free is None else surface.free
+    enough = free.lines >= least
+    count = int(sizes.sum()) + int(np.count_nonzero(enough))
+    if count > MOST_VOXELS:
+        raise UsageError(f"the map holds {count:,} voxels; at most {MOST_VOXELS:,} can be listed")
+    first = np.cumsum(sizes) - sizes
+    above = np.arange(sizes.sum()) - np.repeat(first, sizes)
+    occupied = np.column_stack(
+        [np.repeat(start, sizes) for start in (surface.ix, surface.iy, low)]
+    ).astype(np.int64)
+    occupied[:, 2] += above
+    voxels = np.concatenate((occupied, free.voxels[enough].astype(np.int64)))
+    space = np.full(len(voxels), FREE, dtype=np.uint8)
+    space[: len(occupied)] = OCCUPIED
+    return voxels, space
 
 
 @kernel

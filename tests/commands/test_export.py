@@ -23,6 +23,7 @@ from mlscli.maps.space import FREE, OCCUPIED, UNKNOWN
 from mlscli.mesh import build_mesh
 from tests.helpers.meshes import house
 from tests.helpers.occupancy import served
+from tests.helpers.octrees import read_octree
 
 
 @pytest.fixture
@@ -218,6 +219,16 @@ def test_storeys_and_a_flying_height_are_written_for_nav2(folder: Path) -> None:
     assert (sheet["free"], sheet["file"]) == (0, "fly.yaml")
     assert "does not say what was seen through" in flown.stderr
     assert "--free-space" in flown.stderr
+
+
+def test_space_is_written_for_octomap_and_what_is_missing_is_told(folder: Path) -> None:
+    result = export("--format", "octomap", "--json")
+    told = json.loads(result.stdout)
+    assert (told["file"], told["free"]) == ("house.bt", 0)
+    assert read_octree(folder / "house.bt").nodes == told["nodes"]
+    assert "--free-space" in result.stderr
+    certain = json.loads(export("-o", "certain.bt", "--no-artificial", "--json").stdout)
+    assert certain["occupied"] < told["occupied"]
 
 
 @pytest.mark.usefixtures("folder")
