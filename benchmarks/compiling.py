@@ -159,13 +159,13 @@ def _write_clouds() -> None:
 
 
 def _ask_for_space(path: str) -> None:
-    """Ask a map what is known of places, and put its free space together with itself."""
-    from mlscli import read_map
-    from mlscli.maps.space import space_at
+    """Ask a map about places and a way, and put its free space together with itself."""
+    from mlscli import clearance, read_map, space_at
 
     surface = read_map(path)
     assert surface.free is not None
     space_at(surface, np.zeros((1, 3)))
+    clearance(surface, np.zeros((1, 3)), 0.2, 0.2)
     surface.free.union(surface.free)
 
 

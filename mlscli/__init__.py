@@ -25,9 +25,11 @@ if TYPE_CHECKING:
     from mlscli.io.writing.ply import write_ply
     from mlscli.maps.grid import Grid
     from mlscli.maps.merging import merge_maps
+    from mlscli.maps.space import space_at
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.mesh import build_mesh
     from mlscli.pipeline.parameters import Parameters
+    from mlscli.queries.clearance import clearance
     from mlscli.queries.levels import height_at, levels_at
     from mlscli.view.page import write_page
     from mlscli.view.replay import open_replay, write_replay
@@ -41,6 +43,7 @@ __all__ = [
     "__version__",
     "build_map",
     "build_mesh",
+    "clearance",
     "fit_sizes",
     "height_at",
     "levels_at",
@@ -49,6 +52,7 @@ __all__ = [
     "open_recording",
     "open_replay",
     "read_map",
+    "space_at",
     "write_glb",
     "write_map",
     "write_nav2",
@@ -68,12 +72,14 @@ _HOMES = {
     "fit_sizes": ("mlscli.building.sizes", "fit_sizes"),
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
+    "clearance": ("mlscli.queries.clearance", "clearance"),
     "height_at": ("mlscli.queries.levels", "height_at"),
     "levels_at": ("mlscli.queries.levels", "levels_at"),
     "merge_maps": ("mlscli.maps.merging", "merge_maps"),
     "open_recording": ("mlscli.io.reading.recording", "open_recording"),
     "open_replay": ("mlscli.view.replay", "open_replay"),
     "read_map": ("mlscli.io.writing.npz", "read_map"),
+    "space_at": ("mlscli.maps.space", "space_at"),
     "write_glb": ("mlscli.io.writing.glb", "write_glb"),
     "write_map": ("mlscli.io.writing.npz", "write_map"),
     "write_nav2": ("mlscli.io.writing.nav2", "write_nav2"),

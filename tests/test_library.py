@@ -200,6 +200,11 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "open_replay": (enter(mlscli.open_replay), {"path": "a"}),
     "build_mesh": (mlscli.build_mesh, {"surface": SURFACE}),
     "levels_at": (mlscli.levels_at, {"surface": SURFACE, "xy": SCAN[:, :2]}),
+    "clearance": (
+        mlscli.clearance,
+        {"surface": SURFACE, "polyline": SCAN, "width": 0.2, "height": 0.1},
+    ),
+    "space_at": (mlscli.space_at, {"surface": SURFACE, "xyz": SCAN}),
     "height_at": (mlscli.height_at, {"surface": SURFACE, "xy": SCAN[:, :2]}),
     "merge_maps": (mlscli.merge_maps, {"one": SURFACE, "other": SURFACE}),
     "compare_maps": (compare_maps, {"a": SURFACE, "b": SURFACE}),

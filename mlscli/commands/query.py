@@ -133,17 +133,10 @@ def _around(
 def _space(surface: SurfaceMap, at: list[float], least: int) -> str:
     import numpy as np
 
-    from mlscli.maps.free_space import voxels_at
-    from mlscli.maps.space import FREE, OCCUPIED, space_at
+    from mlscli.maps.space import SPACES, UNKNOWN, space_at
 
-    if surface.free is None:
-        return "unknown"
-    place = np.array([at])
-    known = space_at(surface, place, least)[0]
-    if known in (FREE, OCCUPIED):
-        return "free" if known == FREE else "occupied"
-    lines = surface.free.lines_through(*voxels_at(place, surface.cell_size))[0]
-    return "unknown" if lines else "never seen"
+    known = UNKNOWN if surface.free is None else space_at(surface, np.array([at]), least)[0]
+    return SPACES[known]
 
 
 # --- as text ---

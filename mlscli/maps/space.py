@@ -1,4 +1,4 @@
-"""What is known of places: occupied, free, or neither."""
+"""What is known of places: occupied, free, never seen, or too little to say."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8, UInt64
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.sorting import place_of
 
-UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+UNKNOWN, FREE, OCCUPIED, NEVER_SEEN = 0, 1, 2, 3
+SPACES = ("unknown", "free", "occupied", "never seen")
 
 MOST_VOXELS = 2**27
 """So many voxels are listed at most: they take 25 bytes each."""
 
 
 def space_at(surface: SurfaceMap, xyz: Float64, least: int = 2) -> UInt8:
-    """Return what is known of places, uint8 (N,): 0 unknown, 1 free, 2 occupied.
+    """Return what is known of places, uint8 (N,).
 
-    A place is occupied if a patch, whatever its origin, reaches into its voxel; else it is free if
-    enough sight lines passed through the voxel. All other places are unknown, and those through
-    which no line passed were never seen.
+    A place is `OCCUPIED` (2) if a patch, whatever its origin, reaches into its voxel; else it is
+    `FREE` (1) if enough sight lines passed through the voxel, and was `NEVER_SEEN` (3) if none did.
+    In between it is `UNKNOWN` (0).
 
     Parameters
     ----------
     surface : SurfaceMap
         With free space.
     xyz : float64 (N, 3)
-        The places, in the frame of the map; one that is not finite is unknown.
+        The places, in the frame of the map; one that is not finite was never seen.
     least : int
         How many lines are enough. One may be wrong.
 
@@ -41,11 +42,13 @@ def space_at(surface: SurfaceMap, xyz: Float64, least: int = 2) -> UInt8:
     """
     expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
     expect(xyz, np.ndarray, "xyz", "places as an array (N, 3)")
+    expect(least, (int, np.integer), "least", "a whole number")
     if surface.free is None:
         raise UsageError("the map does not say what was seen through; build it with `free_space`")
     ix, iy, iz = voxels_at(xyz, surface.cell_size)
     known = surface.free.lines_through(ix, iy, iz)
     space = np.where(known >= least, FREE, UNKNOWN).astype(np.uint8)
+    space[known == 0] = NEVER_SEEN
     inside = (np.abs(ix + 0.5) < 2.0**31) & (np.abs(iy + 0.5) < 2.0**31)
     cells, half = surface.cells, surface.cell_size / 2
     low, high = (np.floor(end / half) for end in (surface.low_end, surface.height))

@@ -17,7 +17,7 @@ from mlscli.errors import InputError, UsageError
 from mlscli.maps.cells import Limits
 from mlscli.maps.free_space import FreeSpace, voxels_at
 from mlscli.maps.merging import merge_maps
-from mlscli.maps.space import FREE, OCCUPIED, UNKNOWN, space_at
+from mlscli.maps.space import FREE, NEVER_SEEN, OCCUPIED, UNKNOWN, space_at
 from tests.helpers.lines import Voxel, counts_of, free_space_of
 from tests.helpers.maps import CELL, Patch, map_of, random_map
 
@@ -145,7 +145,7 @@ def test_what_breaks_a_rule_is_named(changed: dict[str, list[Any]], fault: str) 
         replace(map_of([Patch(0, 0, 1.0, 0.0, 0, 3)]), free=broken).check()
 
 
-def test_places_are_occupied_or_free_or_unknown() -> None:
+def test_places_are_occupied_or_free_or_never_seen_or_unknown() -> None:
     # A floor at 0.1 and a wall from 1.0 to 1.6 in cell (0, 0); an inserted patch in (1, 0).
     patches = [
         Patch(0, 0, 0.1, 0.0, 0, 3),
@@ -163,9 +163,11 @@ def test_places_are_occupied_or_free_or_unknown() -> None:
     assert [iz for iz, what in known.items() if what == OCCUPIED] == [0, 4, 5, 6]
     # One line may be wrong.
     assert [iz for iz, what in known.items() if what == FREE] == [1]
-    assert [space(1, iz) for iz in range(5)] == [UNKNOWN, UNKNOWN, OCCUPIED, FREE, UNKNOWN]
+    assert [space(1, iz) for iz in range(5)] == [
+        *(NEVER_SEEN, NEVER_SEEN, OCCUPIED, FREE, NEVER_SEEN)
+    ]
     places = np.array([[0.1, 0.1, 0.6], [np.nan, 0.1, 0.6], [1e300, 0.1, 0.6], [0.1, 0.1, np.inf]])
-    assert space_at(surface, places).tolist() == [UNKNOWN] * 4
-    assert space_at(surface, places, least=1).tolist() == [FREE, UNKNOWN, UNKNOWN, UNKNOWN]
+    assert space_at(surface, places).tolist() == [UNKNOWN, *[NEVER_SEEN] * 3]
+    assert space_at(surface, places, least=1).tolist() == [FREE, *[NEVER_SEEN] * 3]
     with pytest.raises(UsageError, match="the map does not say what was seen through"):
         space_at(replace(surface, free=None), places)
