@@ -65,6 +65,7 @@ PATCH_POINT = np.dtype(
         ("ix", "<i4"),
         ("iy", "<i4"),
         ("count", "<u4"),
+        ("noise", "<f4"),
         ("height", "<f8"),
         ("depth", "<f8"),
         ("variance", "<f8"),
@@ -74,6 +75,8 @@ PATCH_POINT = np.dtype(
     align=True,
 )
 """A patch in the cloud: position in `mls_map`, colour (0xRRGGBB), unchanged columns of the map."""
+
+_COLUMNS = ("ix", "iy", "count", "noise", "height", "depth", "variance", "origin", "moved")
 
 # A state is written once this share of its patches has come or gone since the last.
 SHARE = 1 / 16
@@ -251,6 +254,6 @@ def _records(surface: SurfaceMap, origin: Float64) -> Array:
     origins = origin_at(surface, np.arange(surface.size), surface.height)
     colours = patch_colours(surface.height, origins, *height_range(surface))
     records["rgb"] = colours.astype(np.uint32) @ (1 << 16, 1 << 8, 1)
-    for name in ("ix", "iy", "count", "height", "depth", "variance", "origin", "moved"):
+    for name in _COLUMNS:
         records[name] = getattr(surface, name)
     return records

@@ -116,7 +116,7 @@ def assert_patches(cloud: Any, surface: SurfaceMap, origin: Float64) -> None:
     """Check that a cloud has exactly a map's patches, where they are."""
     points = records(cloud)
     assert cloud.header.frame_id == "mls_map"
-    for name in ("ix", "iy", "height", "depth", "variance", "count", "origin"):
+    for name in ("ix", "iy", "height", "depth", "variance", "noise", "count", "origin", "moved"):
         assert points[name].tobytes() == getattr(surface, name).tobytes(), name
     mesh = build_mesh(surface, "patches")
     colours = mesh.colours[mesh.points].astype(int)
