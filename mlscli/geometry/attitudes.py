@@ -15,6 +15,7 @@ import math
 
 import numpy as np
 
+from mlscli.geometry.poses import matrices
 from mlscli.keyframes.keyframe import Axes
 from mlscli.runtime.arrays import Bool, Float64
 
@@ -109,13 +110,11 @@ def _by_kind(attitudes: Float64 | None, axes: Axes, directions: Float64) -> dict
     known = known_of(attitudes)
     if attitudes is None or not known.any():
         return {}
-    from scipy.spatial.transform import Rotation
-
-    matrices = Rotation.from_quat(attitudes[known]).as_matrix()
-    counted = min(len(matrices), _COUNTED)
-    matrices = matrices[:: math.ceil(len(matrices) / _EVALUATED)]
+    turns = matrices(attitudes[known])
+    counted = min(len(turns), _COUNTED)
+    turns = turns[:: math.ceil(len(turns) / _EVALUATED)]
     # Each direction as each attitude sees it: its x, y and z, (3, K, D).
-    seen = np.einsum("kij,di->jkd", matrices, directions)
+    seen = np.einsum("kij,di->jkd", turns, directions)
     return {
         kind: math.log(share) + _as(kind, seen, counted) for kind, share in _SHARES[axes].items()
     }

@@ -65,7 +65,7 @@ class Evidence:
     def __init__(
         self, points: Float64, attitudes: Float64 | None = None, axes: Axes = "unknown"
     ) -> None:
-        from scipy.spatial import cKDTree
+        from mlscli.runtime.tree import Tree
 
         self._attitudes, self._axes = attitudes, axes
         self.has_attitudes = bool(known_of(attitudes).any())
@@ -79,7 +79,7 @@ class Evidence:
         self._votes = np.zeros(_NORMALS)
         if self.trusted >= FEWEST:
             both = np.concatenate((self._normals, -self._normals))
-            _, nearest = cKDTree(both).query(self.surfaces.normals)
+            nearest = Tree(both).nearest(self.surfaces.normals, 1)[1][:, 0]
             votes = np.bincount(nearest % _NORMALS, self.surfaces.trust, _NORMALS)
             self._votes = votes / self.trusted
             self._usual = float(np.median(self._extent(half_sphere(_EXTENTS))))

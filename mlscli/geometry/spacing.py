@@ -64,10 +64,10 @@ class Neighbourhoods:
     """
 
     def __init__(self, points: Float64, *, is_distinct: bool = False) -> None:
-        from scipy.spatial import cKDTree
+        from mlscli.runtime.tree import Tree
 
         self.points = points if is_distinct else distinct(points)
-        self._tree = cKDTree(self.points)
+        self._tree = Tree(self.points)
 
     def some(self, size: int) -> Int64:
         """Return the numbers of `size` points, or of a few more, chosen by their coordinates.
@@ -77,10 +77,10 @@ class Neighbourhoods:
         if len(self.points) <= size:
             # In the order of the tree, the points of a range lie close together: that halves the
             # time.
-            return np.asarray(self._tree.indices)
+            return self._tree.rows
         keys = hashed(turned(self.points))
         chosen = keys <= np.partition(keys, size - 1)[size - 1]
-        return np.asarray(self._tree.indices[chosen[self._tree.indices]])
+        return np.asarray(self._tree.rows[chosen[self._tree.rows]])
 
     def distances(
         self,
@@ -102,9 +102,8 @@ class Neighbourhoods:
         """
 
         def query(begin: int, end: int) -> Float64:
-            # scipy's own threads would outlive an interrupt.
-            found, _ = self._tree.query(self.points[rows[begin:end]], k=[nearest + 1])
-            return np.asarray(found[:, 0])
+            found, _ = self._tree.nearest(self.points[rows[begin:end]], nearest + 1)
+            return found[:, -1]
 
         return np.concatenate(in_ranges(len(rows), query, progress))
 
@@ -125,9 +124,7 @@ class Neighbourhoods:
             The points, nearest first, each itself the first; 0 where there are fewer.
         there : bool (N, most)
         """
-        distances, near = self._tree.query(
-            places, k=np.arange(1, most + 1), distance_upper_bound=reach
-        )
+        distances, near = self._tree.nearest(places, most, reach)
         there = np.isfinite(distances)
         return np.where(there[..., None], self.points[np.where(there, near, 0)], 0.0), there
 

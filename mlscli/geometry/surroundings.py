@@ -136,18 +136,18 @@ def all_planes(points: Float64, neighbours: int = 16) -> Planes:
     neighbours : int
         How many neighbours, the point itself among them.
     """
-    from scipy.spatial import cKDTree
+    from mlscli.runtime.tree import Tree
 
     middles, normals, variances = (np.empty((len(points), 3)) for _ in range(3))
     trust, reach = np.empty(len(points)), np.empty(len(points))
-    tree = cKDTree(points)
-    ranks = np.arange(1, min(neighbours, len(points)) + 1)
+    tree = Tree(points)
+    count = min(neighbours, len(points))
 
     def fit(begin: int, end: int) -> None:
         # In the order of the tree, the points of a range lie close together: that takes half as
         # long.
-        rows = tree.indices[begin:end]
-        distances, near = tree.query(points[rows], k=ranks)
+        rows = tree.rows[begin:end]
+        distances, near = tree.nearest(points[rows], count)
         fitted = fit_planes(points[near])
         middles[rows], normals[rows], trust[rows], variances[rows] = fitted
         reach[rows] = distances[:, -1]

@@ -14,6 +14,7 @@ import numpy as np
 from mlscli.maps.change import Change
 from mlscli.maps.surface_map import MEASURED, SurfaceMap
 from mlscli.runtime.arrays import Float64, Int32
+from mlscli.runtime.tree import Tree
 
 # An inserted patch lies between patches along x, along y, or both.
 NEAREST_PATCHES = 4
@@ -33,11 +34,9 @@ def appearing(surface: SurfaceMap) -> Int32:
     if not len(inserted) or not measured.any():
         return np.maximum(when, 0)
 
-    from scipy.spatial import cKDTree
-
     place = patch_places(surface)
-    ranks = np.arange(1, min(NEAREST_PATCHES, int(measured.sum())) + 1)
-    _, near = cKDTree(place[measured]).query(place[inserted], k=ranks)
+    count = min(NEAREST_PATCHES, int(measured.sum()))
+    _, near = Tree(place[measured]).nearest(place[inserted], count)
     when[inserted] = when[measured][near].max(axis=1)
     return when
 

@@ -14,6 +14,7 @@ import numpy as np
 from mlscli.errors import UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Float64, Int32
+from mlscli.runtime.tree import Tree
 from mlscli.scenes.noise import Chances, Noise, displace, scatter_outliers
 from mlscli.scenes.route import CameraPoses, Site, fly_route
 from mlscli.scenes.sampling import Samples, outside_holes, sample
@@ -211,10 +212,7 @@ def _with_features(
 
 def nearest(xyz: Float64, poses: CameraPoses) -> Int32:
     """Return the number of the pose nearest to each point, int32 (N,)."""
-    from scipy.spatial import cKDTree
-
-    _, nearest = cKDTree(poses.position).query(xyz)
-    return np.asarray(nearest, dtype=np.int32)
+    return Tree(poses.position).nearest(xyz, 1)[1][:, 0].astype(np.int32)
 
 
 def _sigmas(scene: Scene, noise: Noise) -> Float64:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mlscli.runtime.arrays import Bool, Float64, Int64
 from mlscli.runtime.kernels import kernel
+from mlscli.runtime.tree import Tree
 from mlscli.scenes.discs import boxes_around
 from mlscli.scenes.scans import Scan
 
@@ -109,12 +110,11 @@ def _ways(position: Float64, clearance: Float64, low: Float64, side: float) -> A
         Side of the boxes, in the unit of the scan.
     """
     from scipy.sparse import csr_array
-    from scipy.spatial import cKDTree
 
     count = len(position)
     if count < 2:
         return csr_array(np.zeros((count, count)))
-    _, near = cKDTree(position).query(position, k=min(_WAYS + 1, count))
+    _, near = Tree(position).nearest(position, min(_WAYS + 1, count))
     pairs = np.column_stack((np.repeat(np.arange(count), near.shape[1]), near.ravel()))
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
     begin, end = position[pairs[:, 0]], position[pairs[:, 1]]

@@ -12,6 +12,7 @@ from mlscli.errors import UsageError
 from mlscli.geometry.surroundings import planes
 from mlscli.runtime.arrays import Bool, Float64
 from mlscli.runtime.threads import in_ranges
+from mlscli.runtime.tree import Tree
 from mlscli.scenes.discs import Discs, discs
 from mlscli.scenes.surfaces import Leg
 
@@ -167,14 +168,12 @@ def _distinct(points: Float64) -> Float64:
 
 def _usual(xyz: Float64, reach: Float64) -> Float64:
     """Return the median reach of the points nearest to each point, itself among them, (N,)."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(xyz)
+    tree = Tree(xyz)
     usual = np.empty(len(xyz))
 
     def work(begin: int, end: int) -> None:
-        rows = tree.indices[begin:end]
-        _, near = tree.query(xyz[rows], k=_NEAREST)
+        rows = tree.rows[begin:end]
+        _, near = tree.nearest(xyz[rows], min(_NEAREST, len(xyz)))
         usual[rows] = np.median(reach[near], axis=1)
 
     in_ranges(len(xyz), work)

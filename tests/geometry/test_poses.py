@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from mlscli.geometry.poses import Pose, Poses, PoseTrack, apply, identity, turn
+from mlscli.geometry.poses import Pose, Poses, PoseTrack, apply, identity, matrices, turn
 from mlscli.runtime.arrays import Float64
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -51,6 +51,14 @@ def test_chains_and_inverses_are_those_of_4_by_4_matrices() -> None:
         as_matrices(a.chained(b)), as_matrices(a) @ as_matrices(b), atol=1e-13
     )
     np.testing.assert_allclose(as_matrices(a.inverse), np.linalg.inv(as_matrices(a)), atol=1e-13)
+
+
+def test_quaternions_of_any_length_are_the_matrices_that_scipy_makes() -> None:
+    quaternions = np.random.default_rng(3).normal(size=(500, 4))
+    quaternions[0], quaternions[1] = 2 * IDENTITY, (1.0, 0.0, 0.0, 0.0)
+    np.testing.assert_array_equal(
+        matrices(quaternions), Rotation.from_quat(quaternions).as_matrix()
+    )
 
 
 def test_one_pose_is_chained_with_many() -> None:

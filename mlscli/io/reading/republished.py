@@ -166,23 +166,22 @@ class _Sample(NamedTuple):
 
         With `shifted` also whether they have, once all are moved by the same shift.
         """
-        from scipy.spatial import cKDTree
+        from mlscli.runtime.tree import Tree
 
         others = _measured(_within(points, self.axis, self.low, self.high))
         if len(others) < 2 or not len(self.crowd):
             return False
-        # Searched but once: a tree that is made faster is better than one that is searched faster.
-        tree = cKDTree(others, balanced_tree=False, compact_nodes=False)
-        distances, nearest = tree.query(self.crowd, k=min(_SHIFTS, len(others)))
+        tree = Tree(others)
+        distances, nearest = tree.nearest(self.crowd, min(_SHIFTS, len(others)))
         has_twins = _are_twins(distances)
         if has_twins or not shifted:
             return has_twins
         # All may have moved by more than they are apart, and then alike.
         shifts = (others[nearest] - self.crowd[:, None]).reshape(-1, 3)
         alike = _ALIKE * float(np.median(distances[:, -1]))
-        counts = cKDTree(shifts).query_ball_point(shifts, alike, return_length=True)
+        counts = Tree(shifts).counts(shifts, alike)
         off = np.sqrt(np.square(shifts - shifts[np.argmax(counts)]).sum(axis=1))
-        return _are_twins(tree.query(self.crowd + shifts[off <= alike].mean(axis=0), k=2)[0])
+        return _are_twins(tree.nearest(self.crowd + shifts[off <= alike].mean(axis=0), 2)[0])
 
 
 def _are_twins(distances: Float64) -> bool:
@@ -217,11 +216,11 @@ def _lies_elsewhere(last: Float64, samples: list[Float64]) -> bool:
     samples : list of float64 (M, 3)
         Points of each of the others.
     """
-    from scipy.spatial import cKDTree
+    from mlscli.runtime.tree import Tree
 
     if len(last) < _FEWEST:
         return False
-    tree = cKDTree(last)
+    tree = Tree(last)
     low, high = np.quantile(chosen(last, 16 * _POINTS), (0.01, 0.99), axis=0)
     around = _AROUND * float((high - low).max())
     # In a plane the sixteenth neighbour is twice as far as the fourth. Where points lie on lines,
@@ -229,12 +228,13 @@ def _lies_elsewhere(last: Float64, samples: list[Float64]) -> bool:
     rank = min(64, len(last) // 4)
     covered, moved = list[float](), list[bool]()
     for sample in samples:
-        distances, nearest = tree.query(sample)
-        spacing = tree.query(last[nearest], k=[rank + 1])[0][:, 0] * np.sqrt(16 / rank)
-        covered.append(float(np.mean(distances <= around)))
-        together, known = _moved_together(sample, last[tree.query(sample, k=_PLANE)[1]], spacing)
+        distances, near = tree.nearest(sample, _PLANE)
+        nearest = distances[:, 0]
+        spacing = tree.nearest(last[near[:, 0]], rank + 1)[0][:, -1] * np.sqrt(16 / rank)
+        covered.append(float(np.mean(nearest <= around)))
+        together, known = _moved_together(sample, last[near], spacing)
         # What is not covered is not known to have moved.
-        apart = np.mean((distances > spacing) & (distances <= around)) >= _MOVED
+        apart = np.mean((nearest > spacing) & (nearest <= around)) >= _MOVED
         beside = together.sum() >= _MOVED * max(int(known.sum()), _PLANE)
         moved.append(bool(covered[-1] >= _COVERED and (apart or beside)))
     return bool(np.median(covered) >= _COVERED and np.mean(moved) >= _MESSAGES)
@@ -256,13 +256,13 @@ def _moved_together(sample: Float64, around: Float64, spacing: Float64) -> tuple
     moved, known : bool (M,)
         Whether each has moved, and whether that can be told.
     """
-    from scipy.spatial import cKDTree
+    from mlscli.runtime.tree import Tree
 
     middles, normals, trust, _ = fit_planes(around)
     axis: Int64 = np.abs(normals).argmax(axis=1)
     normals = normals * np.sign(np.take_along_axis(normals, axis[:, None], axis=1))
     aside = ((sample - middles) * normals).sum(axis=1)
-    beside = cKDTree(sample).query(sample, k=_TOGETHER)[1]
+    beside = Tree(sample).nearest(sample, _TOGETHER)[1]
     alike = (axis[beside] == axis[:, None]) & (trust[beside] >= _FLAT)
     known = alike.sum(axis=1) >= _AGREEING
     several = np.where(alike, aside[beside], np.nan)[known]
