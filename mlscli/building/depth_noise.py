@@ -25,6 +25,8 @@ from mlscli.keyframes.batches import FARTHEST
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.pipeline.report import Report
 from mlscli.runtime.arrays import Float64, Int64
+from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.tree import Tree
 
 # Keyframes are taken together until they have so many points, as long as the craft is no farther
 # from where it was than this share of the depth in the middle.
@@ -185,43 +187,72 @@ def _errors(ahead: Float64, depth: Float64) -> tuple[Float64, Float64]:
     errors, depths : float64 (M,)
         Of some of the points.
     """
-    from scipy.spatial import cKDTree
-
     asked = _evenly(len(ahead), _MOST_ASKED)
-    nearest = cKDTree(ahead).query(ahead[asked], k=_AROUND + 1)[1][:, 1:]
-    # Two axes across each direction.
-    level = np.column_stack((-ahead[asked, 1], ahead[asked, 0], np.zeros(len(asked))))
-    flat = np.linalg.norm(level, axis=1)
-    level[flat == 0.0], flat[flat == 0.0] = (1.0, 0.0, 0.0), 1.0
-    level /= flat[:, None]
-    across = np.cross(ahead[asked], level)
-    places = np.stack(
-        [
-            np.ones(nearest.shape),
-            np.einsum("nki,ni->nk", ahead[nearest], level),
-            np.einsum("nki,ni->nk", ahead[nearest], across),
-        ],
-        axis=2,
-    )
-    inverse = 1.0 / depth[nearest]
-    weight = np.ones(nearest.shape)
-    for _ in range(_FITS):
-        fit = _linear(places, inverse, weight)
-        off = np.abs(np.einsum("nkp,np->nk", places, fit) - inverse)
-        weight = (np.argsort(np.argsort(off, axis=1), axis=1) < _FOLLOWED).astype(np.float64)
-    return np.abs(1.0 / depth[asked] - fit[:, 0]), depth[asked]
+    _, nearest = Tree(ahead).nearest(ahead[asked], _AROUND + 1)
+    return _off_fits(ahead, depth, asked, nearest[:, 1:].copy()), depth[asked]
 
 
-def _linear(places: Float64, values: Float64, weight: Float64) -> Float64:
-    """Return weighted linear fits, float64 (N, P), to values (N, K) at places (N, K, P)."""
-    weighted = places * weight[:, :, None]
-    normal = np.einsum("nkp,nkq->npq", weighted, places)
+@kernel
+def _off_fits(ahead: Float64, depth: Float64, asked: Int64, around: Int64) -> Float64:
+    """Return how far inverse depths are from linear fits to those around, float64 (M,).
+
+    Parameters
+    ----------
+    ahead, depth
+        As for `_errors`.
+    asked : int64 (M,)
+        The points whose inverse depths are compared.
+    around : int64 (M, K)
+        The points around each.
+    """
+    errors = np.empty(len(asked))
+    number = around.shape[1]
+    u, v, inverse, off = np.empty(number), np.empty(number), np.empty(number), np.empty(number)
+    for m in range(len(asked)):
+        x, y, z = ahead[asked[m], 0], ahead[asked[m], 1], ahead[asked[m], 2]
+        # Two axes across the direction: a level one, and (-z * b, z * a, x * b - y * a).
+        flat = np.sqrt(x * x + y * y)
+        a, b = (-y / flat, x / flat) if flat > 0.0 else (1.0, 0.0)
+        for j in range(number):
+            i = around[m, j]
+            u[j] = ahead[i, 0] * a + ahead[i, 1] * b
+            v[j] = ahead[i, 2] * (x * b - y * a) - z * (ahead[i, 0] * b - ahead[i, 1] * a)
+            inverse[j] = 1.0 / depth[i]
+        off[:] = 0.0
+        middle = 0.0
+        for fit in range(_FITS):
+            middle = _fit(u, v, inverse, off, _FOLLOWED if fit else number)
+        errors[m] = np.abs(1.0 / depth[asked[m]] - middle)
+    return errors
+
+
+@inner
+def _fit(u: Float64, v: Float64, values: Float64, off: Float64, followed: int) -> float:
+    """Return the value at (0, 0) of a linear fit to values at places (u, v).
+
+    It follows those least off the fit before, and writes how far all are off this one.
+    """
+    s = su = sv = suu = suv = svv = b = bu = bv = 0.0
+    for j in range(len(values)):
+        rank = 0
+        for k in range(len(values)):
+            rank += (off[k] < off[j]) | ((off[k] == off[j]) & (k < j))
+        if rank >= followed:
+            continue
+        s, su, sv = s + 1.0, su + u[j], sv + v[j]
+        suu, suv, svv = suu + u[j] * u[j], suv + u[j] * v[j], svv + v[j] * v[j]
+        b, bu, bv = b + values[j], bu + u[j] * values[j], bv + v[j] * values[j]
     # Where the places lie on a line, the fit is level across it.
-    spread = np.einsum("npp->n", normal[:, 1:, 1:])
-    normal[:, 1:, 1:] += (1e-3 * spread + 1e-300)[:, None, None] * np.eye(places.shape[2] - 1)
-    right = np.einsum("nkp,nk->np", weighted, values)
-    solved: Float64 = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
-    return solved
+    level = 1e-3 * (suu + svv) + 1e-100
+    # Measured from the mean place, two unknowns are left.
+    suu, suv, svv = suu + level - su * su / s, suv - su * sv / s, svv + level - sv * sv / s
+    bu, bv = bu - su * b / s, bv - sv * b / s
+    size = suu * svv - suv * suv
+    slope, across = (bu * svv - bv * suv) / size, (bv * suu - bu * suv) / size
+    middle = (b - su * slope - sv * across) / s
+    for j in range(len(values)):
+        off[j] = np.abs(middle + u[j] * slope + v[j] * across - values[j])
+    return float(middle)
 
 
 def _growth_nearby(points: Float64, sights: Float64) -> float:
@@ -240,15 +271,13 @@ def _growth_nearby(points: Float64, sights: Float64) -> float:
         the sight and the normal, as errors of depth have it. 0 where nothing tells; it is less than
         1, as the points themselves choose the plane.
     """
-    from scipy.spatial import cKDTree
-
     distance = np.linalg.norm(sights, axis=1)
     points, sights = points[distance > 0.0], sights[distance > 0.0]
     if len(points) < _ENOUGH:
         return 0.0
     order = np.argsort(distance[distance > 0.0], kind="stable")
     asked = order[_evenly(len(order), _QUESTIONED)]
-    near = cKDTree(points).query(points[asked], k=_TOGETHER_IN_SPACE)[1]
+    _, near = Tree(points).nearest(points[asked], _TOGETHER_IN_SPACE)
     # Measured from the point asked: coordinates may be large.
     around, seen = points[near] - points[asked, None], sights[near]
     weight = np.ones(near.shape)
