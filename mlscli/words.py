@@ -11,4 +11,9 @@ def some(count: int, noun: str) -> str:
 
 def are(count: int) -> str:
     """Return the verb of so many: ``is`` or ``are``."""
-    return "is" if count == 1 else "are"
+    return verb(count, "is", "are")
+
+
+def verb(count: int, one: str, more: str) -> str:
+    """Return what one does, or what more do, whichever count it is."""
+    return one if count == 1 else more

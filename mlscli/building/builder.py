@@ -34,6 +34,7 @@ from mlscli.pipeline.tilewise.tiles import Threads, Workers, map_in_tiles
 from mlscli.runtime.arrays import Float64
 from mlscli.runtime.notices import notice
 from mlscli.version import __version__
+from mlscli.words import are, some
 
 Follower = Callable[[Change], None]
 
@@ -269,8 +270,8 @@ def free_space(counts: LineCounts | None, report: Report) -> FreeSpace | None:
         return None
     if counts.left_out:
         notice(
-            f"free space: {counts.left_out:,} sight lines are left out, which are longer than "
-            f"{LONGEST:,} voxels or come from beyond all cells; look at the route, or set "
+            f"free space: {some(counts.left_out, 'sight line')} {are(counts.left_out)} left out, "
+            f"longer than {LONGEST:,} voxels or from beyond all cells; look at the route, or set "
             "map.cell_size to more"
         )
     with report.timed("free space"):

@@ -18,6 +18,7 @@ from mlscli.io.clouds.pointfile import Content
 from mlscli.io.source import UNKNOWN_ATTITUDE, Cloud
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Float64, Int64
+from mlscli.words import some, verb
 
 
 class Camera(NamedTuple):
@@ -75,8 +76,9 @@ def by_camera(
     if len(unseen):
         clouds.append(Cloud(unseen))
         notes.append(
-            f"{path}: {len(unseen):,} of {len(points):,} points were seen by none of the images; "
-            "they are a keyframe of their own, the last"
+            f"{path}: {len(unseen):,} of {some(len(points), 'point')} "
+            f"{verb(len(unseen), 'was', 'were')} seen by none of the images: a keyframe of "
+            "its own, the last"
         )
     stamps = np.array([camera.stamp for camera in cameras], dtype=np.float64)
     return Content(clouds, notes, losses, stamps)

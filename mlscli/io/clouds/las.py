@@ -91,8 +91,8 @@ class LasCloud(PointFile):
             kept = kept & found.value
             if doubtful:
                 losses.append(
-                    f"{self.path}: {doubtful:,} of {some(declared, 'point')} are "
-                    "damaged: some lie outside the bounds that the header states"
+                    f"{self.path}: {doubtful:,} of {some(declared, 'point')} "
+                    f"{are(doubtful)} damaged: some lie outside the bounds that the header states"
                 )
         notes += [f"{self.path}: {found.note}"] if found.note else []
         whole = bool(kept.all())

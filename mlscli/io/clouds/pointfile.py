@@ -26,7 +26,7 @@ from mlscli.io.source import (
 )
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Array, Float64
-from mlscli.words import some
+from mlscli.words import are, some
 
 _LOOKED_AT = 10_000
 """Points whose coordinates are looked at."""
@@ -249,4 +249,4 @@ def shortfall(path: Path, came: int, declared: int, fault: str = "", what: str =
     """
     lost = declared - came
     why = fault or "the file ends before them"
-    return f"{path}: {lost:,} of {some(declared, what)} are missing: {why}"
+    return f"{path}: {lost:,} of {some(declared, what)} {are(lost)} missing: {why}"

@@ -30,6 +30,7 @@ from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.rows import alike, blocks, short
 from mlscli.io.source import Cloud
 from mlscli.runtime.arrays import Float64
+from mlscli.words import some
 
 HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 """How many numbers each line of a header has."""
@@ -119,7 +120,7 @@ class _Scans:
             self.losses.append(shortfall(self._path, len(points), declared, fault))
         elif len(points) > declared:
             self.notes.append(
-                f"{name} declares {declared:,} points and holds {len(points):,}; all are read"
+                f"{name} declares {some(declared, 'point')} and holds {len(points):,}; all are read"
             )
         hit = points.any(axis=1)
         missed = len(points) - int(np.count_nonzero(hit))

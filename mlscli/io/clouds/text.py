@@ -33,7 +33,7 @@ from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.io.plausibility.counts import more_than
 from mlscli.io.source import Cloud, rows_by_first_appearance
 from mlscli.runtime.arrays import Array, Float64, Int64
-from mlscli.words import some
+from mlscli.words import some, verb
 
 
 class TextCloud(PointFile):
@@ -164,8 +164,9 @@ class _Parser:
         notes = [*self.layout.notes, *self.notes]
         if odd and self.layout.most is None:
             notes.append(
-                f"{self.path}: {odd:,} of {some(rows, 'row')} have more or fewer columns than "
-                f"most, which have {self.opening.width}; of all the same columns are taken"
+                f"{self.path}: {odd:,} of {some(rows, 'row')} {verb(odd, 'has', 'have')} more or "
+                f"fewer columns than most, which have {self.opening.width}; of all the same "
+                "columns are taken"
             )
         if self.layout.guessed:
             notes.append(

@@ -33,6 +33,7 @@ from mlscli.io.clouds.posecolumns import (
 from mlscli.io.clouds.rows import BrokenRowError, blocks, parse, short
 from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.runtime.arrays import Float64
+from mlscli.words import are, some, verb
 
 _LARGEST_FILE = 1 << 30
 
@@ -211,9 +212,11 @@ def _trajectory(
     known = np.flatnonzero(are_poses(stamps, positions, quaternions))
     if not len(known):
         raise InputError(f"{path}: holds no poses, each of its {len(rows)} lines has a fault")
-    if len(known) < len(rows):
+    lost = len(rows) - len(known)
+    if lost:
         notes.append(
-            f"{path}: {len(rows) - len(known)} of {len(rows)} lines tell no pose and are left out"
+            f"{path}: {lost:,} of {some(len(rows), 'line')} {verb(lost, 'tells', 'tell')} no pose "
+            f"and {are(lost)} left out"
         )
     if not is_timed:
         notes.append(f"{path}: its poses have no times; it is the route, but places no cloud")

@@ -7,6 +7,7 @@ import numpy as np
 from mlscli.io.plausibility.finding import Finding, doubted, right
 from mlscli.runtime.arrays import Bool, Float64
 from mlscli.runtime.kernels import kernel
+from mlscli.words import some, verb
 
 _MOST, _MOST_CHAINED = 0.1, 0.99
 """Where more than this share of the points lies too far outside, the bounds are wrong, not the
@@ -60,10 +61,11 @@ def within_bounds(
     far = len(points) - int(near.sum())
     most = 1 if broken else _MOST_CHAINED if chained else _MOST
     if not far or far > most * len(points):
+        outside = len(points) - int(inside.sum())
         return doubted(
             all_kept,
-            f"{len(points) - int(inside.sum()):,} of {len(points):,} points lie outside the bounds "
-            "that its header states; they are taken",
+            f"{outside:,} of {some(len(points), 'point')} {verb(outside, 'lies', 'lie')} outside "
+            "the bounds that its header states; all are taken",
         )
     return right(np.asarray(near))
 

@@ -30,6 +30,7 @@ import numpy as np
 from mlscli.io.plausibility.finding import Finding, doubted, refused, right
 from mlscli.runtime.arrays import Int32, UInt8
 from mlscli.runtime.kernels import inner, kernel
+from mlscli.words import are, some
 
 _USUAL = ((13, 0, 1), (16, 0, 1), (16, 1, 2))
 """Bits of the hash, its kind, and how many of the repeated places are remembered: by the Point
@@ -88,7 +89,10 @@ def repeats_as_encoded(
     share = best.odd / max(best.repetitions, 1)
     if share > _FEW and (share > _SOME or best.chance > _BY_CHANCE):
         return right(True)
-    fault = f"{best.odd:,} of {best.repetitions:,} repetitions are not as an encoder writes them"
+    fault = (
+        f"{best.odd:,} of {some(best.repetitions, 'repetition')} {are(best.odd)} not as an encoder "
+        "writes them"
+    )
     # A byte shows at the latest where it is repeated.
     return doubted(False, fault) if best.first >= used + _FARTHEST else refused(fault)
 

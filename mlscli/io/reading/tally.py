@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from mlscli.io.plausibility.epochs import told
-from mlscli.words import some
+from mlscli.words import are, some
 
 NO_RETURN, REPEATED, NOT_FINITE = "no return", "repeated", "not finite"
 """Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
@@ -85,7 +85,7 @@ class Tally:
         """Yield what the user should know about which keyframes and points came."""
         for reason, count in self.left_out.items():
             of = some(self.keyframes, "keyframe")
-            yield f"{count:,} of {of} are left out: {_WHY[reason]}"
+            yield f"{count:,} of {of} {are(count)} left out: {_WHY[reason]}"
         if self.jumps:
             yield (
                 f"the clock of the clouds jumps {told(self.jumps)}; `start` and `end` count on by "

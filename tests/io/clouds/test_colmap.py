@@ -319,8 +319,8 @@ def test_a_promise_that_the_file_cannot_hold_is_a_loss(tmp_path: Path, count: in
 
     assert found is not None
     assert len(found[0]) == 60
-    assert f"of {count:,} images are missing" in found[1][0]
-    assert f"{count - 60:,} of {count:,} points are missing" in found[1][1]
+    assert f"of {count:,} images" in found[1][0]
+    assert f"{count - 60:,} of {count:,} points" in found[1][1]
 
 
 def test_a_track_longer_than_the_file_ends_it(tmp_path: Path) -> None:
@@ -334,7 +334,7 @@ def test_a_track_longer_than_the_file_ends_it(tmp_path: Path) -> None:
 
     assert found is not None
     assert len(found[0]) == 0
-    assert "5 of 5 points are missing" in found[1][0]
+    assert "5 of 5 points" in found[1][0]
 
 
 def test_an_image_whose_name_may_have_lost_its_end_is_told(tmp_path: Path) -> None:
@@ -344,7 +344,7 @@ def test_an_image_whose_name_may_have_lost_its_end_is_told(tmp_path: Path) -> No
     source = ColmapModel(model)
 
     assert len(list(source.clouds())) == 3
-    assert "1 of 3 images are missing" in source.losses[0]
+    assert "1 of 3 images is missing" in source.losses[0]
 
 
 def test_broken_lines_of_a_text_are_left_out_and_told(tmp_path: Path) -> None:
@@ -356,8 +356,8 @@ def test_broken_lines_of_a_text_are_left_out_and_told(tmp_path: Path) -> None:
     source = ColmapModel(model)
 
     assert [cloud.points[:, 0].tolist() for cloud in source.clouds()] == [[1, 3], [], [4, 5]]
-    assert "1 of 3 images are missing: the first broken line is 'nine 0.7" in source.losses[0]
-    assert "1 of 5 points are missing: the first broken line is '1 2.0 zero" in source.losses[1]
+    assert "1 of 3 images is missing: the first broken line is 'nine 0.7" in source.losses[0]
+    assert "1 of 5 points is missing: the first broken line is '1 2.0 zero" in source.losses[1]
 
 
 def test_a_broken_image_is_one_whatever_its_features(tmp_path: Path) -> None:
@@ -368,4 +368,4 @@ def test_a_broken_image_is_one_whatever_its_features(tmp_path: Path) -> None:
     source = ColmapModel(model)
 
     assert [cloud.points[:, 0].tolist() for cloud in source.clouds()] == [[1, 3], [2], [4, 5]]
-    assert "1 of 3 images are missing: the first broken line is 'nine 0.7" in source.losses[0]
+    assert "1 of 3 images is missing: the first broken line is 'nine 0.7" in source.losses[0]

@@ -153,7 +153,7 @@ def test_the_command_tells_and_ends_with_the_status(tmp_path: Path) -> None:
     ply(tmp_path, rows(form) + "1,5 2 3\n", 10)
     run = mls("build", "a.ply", "-c", "plain", "--set", "map.cell_size=1", cwd=tmp_path)
     assert run.returncode == 3
-    assert "1 of 10 points are missing: the first is 10, found '1,5 2 3', exp" in run.stderr
+    assert "1 of 10 points is missing: the first is 10, found '1,5 2 3', exp" in run.stderr
     ply(tmp_path, rows("0,5 1 2"))
     run = mls("build", "a.ply", "-c", "plain", "--overwrite", cwd=tmp_path)
     assert run.returncode == 1

@@ -64,7 +64,7 @@ def test_a_point_belongs_to_the_first_shot_by_time_that_saw_it(
     assert clouds[0].points.tolist() == [[3, 0, 0.3]]
     assert [cloud.stamp for cloud in clouds[:3]] == [20.5, 30.5, 40.5]
     assert source.time_span() == (20.5, 40.5)
-    assert "1 of 4 points were seen by none of the images" in source.notes[0]
+    assert "1 of 4 points was seen by none of the images" in source.notes[0]
     assert list(source.losses) == []
 
 

@@ -279,7 +279,7 @@ def test_a_promise_that_the_file_cannot_hold_is_a_loss(
 
     assert found is not None
     assert found[0].tolist() == [[0, 1, 2], [3, 4, 5]]
-    assert f"{count - 2:,} of {count:,} points are missing" in found[1][0]
+    assert f"{count - 2:,} of {count:,} points" in found[1][0]
 
 
 @pytest.mark.parametrize("length", [b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f"])
@@ -292,7 +292,7 @@ def test_a_list_longer_than_the_file_ends_it(tmp_path: Path, length: bytes) -> N
 
     assert found is not None
     assert found[0].tolist() == [[1, 2, 3]]
-    assert "1 of 2 points are missing" in found[1][0]
+    assert "1 of 2 points is missing" in found[1][0]
 
 
 def test_after_a_broken_element_no_vertex_is_guessed(tmp_path: Path) -> None:

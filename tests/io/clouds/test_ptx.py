@@ -88,7 +88,7 @@ def test_a_broken_row_is_lost_and_named(tmp_path: Path) -> None:
 
     assert cloud.points.tolist() == np.delete(POINTS, 4, axis=0).tolist()
     (loss,) = source.losses
-    assert "1 of 12 points are missing: the first is '? " in loss
+    assert "1 of 12 points is missing: the first is '? " in loss
 
 
 def test_cut_anywhere_whole_rows_come_in_the_right_frame(tmp_path: Path) -> None:

@@ -183,7 +183,7 @@ def test_a_fourth_column_of_anything_else_is_not_used_and_told(
     note, *others = cloud.notes
     assert "fourth column" in note
     assert "`columns`" in note
-    assert ["1 of 3 rows have more or fewer columns" in note for note in others] == [True] * (
+    assert ["1 of 3 rows has more or fewer columns" in note for note in others] == [True] * (
         not last
     )
 

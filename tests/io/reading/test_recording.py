@@ -101,7 +101,7 @@ def test_clouds_in_a_frame_that_nothing_leads_from_are_left_out_and_counted(
         "no transform from their frame": 2,
         "in no frame, unlike others": 2,
     }
-    notes = [note for note in recording.notes if "1 of 4 keyframes are left out" in note]
+    notes = [note for note in recording.notes if "1 of 4 keyframes is left out" in note]
     assert len(notes) == 2
 
 
