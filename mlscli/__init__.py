@@ -18,10 +18,12 @@ if TYPE_CHECKING:
     from mlscli.config import load as load_parameters
     from mlscli.io.reading.recording import open_recording
     from mlscli.io.writing.glb import write_glb
+    from mlscli.io.writing.las import write_las
     from mlscli.io.writing.nav2 import write_nav2
     from mlscli.io.writing.npz import read_map, write_map
     from mlscli.io.writing.obj import write_obj
     from mlscli.io.writing.octomap import write_octomap
+    from mlscli.io.writing.pcd import write_pcd
     from mlscli.io.writing.ply import write_ply
     from mlscli.maps.grid import Grid
     from mlscli.maps.merging import merge_maps
@@ -54,11 +56,13 @@ __all__ = [
     "read_map",
     "space_at",
     "write_glb",
+    "write_las",
     "write_map",
     "write_nav2",
     "write_obj",
     "write_octomap",
     "write_page",
+    "write_pcd",
     "write_ply",
     "write_replay",
 ]
@@ -82,10 +86,12 @@ _HOMES = {
     "space_at": ("mlscli.maps.space", "space_at"),
     "write_glb": ("mlscli.io.writing.glb", "write_glb"),
     "write_map": ("mlscli.io.writing.npz", "write_map"),
+    "write_las": ("mlscli.io.writing.las", "write_las"),
     "write_nav2": ("mlscli.io.writing.nav2", "write_nav2"),
     "write_obj": ("mlscli.io.writing.obj", "write_obj"),
     "write_octomap": ("mlscli.io.writing.octomap", "write_octomap"),
     "write_page": ("mlscli.view.page", "write_page"),
+    "write_pcd": ("mlscli.io.writing.pcd", "write_pcd"),
     "write_ply": ("mlscli.io.writing.ply", "write_ply"),
     "write_replay": ("mlscli.view.replay", "write_replay"),
 }

@@ -195,6 +195,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "write_glb": (mlscli.write_glb, {"path": "a", "mesh": SURFACE}),
     "write_nav2": (mlscli.write_nav2, {"path": "a.yaml", "surface": SURFACE}),
     "write_octomap": (mlscli.write_octomap, {"path": "a", "surface": SURFACE}),
+    "write_pcd": (mlscli.write_pcd, {"path": "a", "surface": SURFACE}),
+    "write_las": (mlscli.write_las, {"path": "a", "surface": SURFACE}),
     "write_page": (mlscli.write_page, {"path": "a", "surface": SURFACE}),
     "write_replay": (mlscli.write_replay, {"path": "a", "surface": SURFACE, "changes": []}),
     "open_replay": (enter(mlscli.open_replay), {"path": "a"}),
@@ -226,7 +228,16 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "replace": (SURFACE.replace, {"cells": CellSet.of(SURFACE.ix, SURFACE.iy), "other": SURFACE}),
 }
 # Whatever counts as true is taken as True; the mode is a value of a configuration, see below.
-OTHERS = {"artificial", "as_recorded", "cumulative", "latest", "overwrite", "whole", "mode"}
+OTHERS = {
+    "artificial",
+    "as_recorded",
+    "cumulative",
+    "filled",
+    "latest",
+    "overwrite",
+    "whole",
+    "mode",
+}
 
 
 def arguments(call: Callable[..., object]) -> list[str]:

@@ -12,12 +12,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import laspy
 import numpy as np
+from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
 from benchmarks import figures
-from docs.gallery.make import CAPTION, WIDTH, hamlet, save
+from docs.gallery.make import CAPTION, WIDTH, hamlet, pixels, save
+from docs.gallery.render import View
 from mlscli.config import load
+from mlscli.io.writing.las import write_las
 from mlscli.io.writing.nav2 import write_nav2
 from mlscli.io.writing.octomap import write_octomap
 from mlscli.rasters.robot import Robot
@@ -65,6 +69,23 @@ def octomap() -> None:
     save("octomap", tiled(images))
 
 
+def pointcloud() -> None:
+    """Draw patches as points, by origin and by level, walls filled; the nearest in front."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_las(Path(folder, "hamlet.las"), hamlet(), filled=True)
+        cloud = laspy.read(Path(folder, "hamlet.las"))
+    xyz = np.asarray(cloud.xyz) @ View(68, 30).axes().T
+    order = np.argsort(xyz[:, 2])
+    figure = Figure(figsize=(11, 3.6), layout="constrained")
+    for axes, name in zip(figure.subplots(1, 2), ("origin", "level"), strict=True):
+        values = np.asarray(cloud[name])[order]
+        dots = axes.scatter(*xyz[order, :2].T, c=values, s=3, cmap="viridis")
+        figure.colorbar(dots, ax=axes, ticks=np.unique(values), shrink=0.6)
+        axes.set(title=f"hamlet.las: {name}", aspect="equal")
+        axes.set_axis_off()
+    save("pointcloud", pixels(figure))
+
+
 def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -> UInt8:
     """Return a picture of what a tree holds at places: black, white, and grey where unknown."""
     image = np.full((len(places), len(places[0])), 160, dtype=np.uint8)
@@ -75,7 +96,7 @@ def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -
     return image
 
 
-ALL: Sequence[Callable[[], None]] = (nav2, octomap)
+ALL: Sequence[Callable[[], None]] = (nav2, octomap, pointcloud)
 
 
 def tiled(images: Sequence[tuple[str, Array]], columns: int = 2) -> UInt8:

@@ -29,17 +29,8 @@ if TYPE_CHECKING:
 
 # Endings of other formats, which would mislead other programs.
 _NO_MAPS = (
-    ".ply",
-    ".obj",
-    ".glb",
-    ".mcap",
-    ".bag",
-    ".pcd",
-    ".html",
-    ".png",
-    ".yaml",
-    ".yml",
-    ".bt",
+    *(".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".las", ".laz", ".html", ".png"),
+    *(".yaml", ".yml", ".bt"),
 )
 
 

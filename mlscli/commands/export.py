@@ -50,7 +50,7 @@ from mlscli.errors import UsageError
 @click.option(
     "--as-recorded",
     is_flag=True,
-    help="Turn the mesh back into the frame of the recording: undo --up.",
+    help="Turn a mesh or cloud back into the frame of the recording: undo --up.",
 )
 @coloured
 @without_artificial
@@ -84,6 +84,11 @@ from mlscli.errors import UsageError
     metavar="N",
     help="Space is free where so many sight lines passed through it.",
 )
+@click.option(
+    "--filled",
+    is_flag=True,
+    help="Of pcd and las: points all down the walls, at most half a cell apart.",
+)
 @overwrite
 @as_json
 def command(source: str | None, as_json: bool, **options: Any) -> None:
@@ -93,7 +98,7 @@ def command(source: str | None, as_json: bool, **options: Any) -> None:
     materials (.mtl) beside it. MCAP holds the finished map, uncovered as the flight saw it, for
     Foxglove Studio and RViz. nav2 is what map_server reads, an image and a YAML file for each
     storey (NAME.1.yaml, ...) on which a robot can drive, or for a flying height; octomap is a .bt
-    file of occupied, free and unknown space.
+    file of occupied, free and unknown space. pcd and las are its patches as points with fields.
     """
     map_file = Path(source) if source is not None else the_one_map()
     output = options["output"]

@@ -184,6 +184,29 @@ def _octomap(order: Order) -> Written:
     return Written([line], written._asdict(), notes)
 
 
+# --- clouds ---
+
+
+def _cloud(order: Order) -> Written:
+    from mlscli.io.writing.las import write_las
+    from mlscli.io.writing.pcd import write_pcd
+
+    options = order.options
+    points, off = {"pcd": write_pcd, "las": write_las}[options["kind"]](
+        order.target,
+        order.surface,
+        filled=options["filled"],
+        artificial=not options["no_artificial"],
+        as_recorded=options["as_recorded"],
+        overwrite=order.overwrite,
+    )
+    notes = []
+    if off > order.surface.cell_size / 100:
+        why = "PCL's points are float32" if options["kind"] == "pcd" else "they span so much"
+        notes.append(f"coordinates are rounded by up to {off:.3g}: {why}")
+    return _counted(order, {"points": points}, notes)
+
+
 FORMATS = {
     "ply": Format((".ply",), DRAWN, _mesh, _refuse_file),
     "obj": Format((".obj",), DRAWN, _mesh, _refuse_file),
@@ -191,4 +214,8 @@ FORMATS = {
     "mcap": Format((".mcap",), (), _replay, _refuse_file),
     "nav2": Format((".yaml", ".yml"), (*ROBOT, "flying_height", "least"), _nav2, _refuse_sheets),
     "octomap": Format((".bt",), ("no_artificial", "least"), _octomap, _refuse_file),
+    "pcd": Format((".pcd",), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file),
+    "las": Format(
+        (".las", ".laz"), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file
+    ),
 }

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 import trimesh
@@ -229,6 +231,18 @@ def test_space_is_written_for_octomap_and_what_is_missing_is_told(folder: Path) 
     assert "--free-space" in result.stderr
     certain = json.loads(export("-o", "certain.bt", "--no-artificial", "--json").stdout)
     assert certain["occupied"] < told["occupied"]
+
+
+def test_patches_are_written_as_points_and_rounding_is_told(folder: Path) -> None:
+    surface = house()
+    certain = np.count_nonzero(surface.origin != 2)
+    assert export("-o", "a.pcd").output == f"a.pcd: {surface.size} points\n"
+    assert export("-o", "a.laz", "--no-artificial").output == f"a.laz: {certain} points\n"
+    filled = json.loads(export("--format", "las", "--filled", "--json").stdout)
+    assert filled["points"] == len(laspy.read(folder / "house.las").xyz) > surface.size
+    write_map("far.npz", replace(surface, ix=surface.ix + 10**7))
+    assert "rounded by up to 0.1" in export("far.npz", "--format", "pcd").stderr
+    assert export("far.npz", "--format", "las").stderr == ""
 
 
 @pytest.mark.usefixtures("folder")
