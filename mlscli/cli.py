@@ -33,6 +33,7 @@ COMMANDS = {
     "plot": ("mlscli.commands.plot", "Draw a map from above, cut upright, or beside another."),
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
     "query": ("mlscli.commands.query", "Say what a map holds at places."),
+    "merge": ("mlscli.commands.merge", "Merge maps of several flights."),
     "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth or a scan."),
     "synth": ("mlscli.commands.synth", "Make a synthetic flight, and its exact truth."),
     "bench": (

@@ -9,37 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mlscli.commands import report
+from mlscli.commands.compare_text import changes_text, comparison_text, scan_text, score_text
 from mlscli.commands.options import PARTLY_READ, as_json, refuse_given
 from mlscli.commands.reading import FormatsInHelp, read_points, reading
 from mlscli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
-    from mlscli.scoring import (
-        Comparison,
-        Differences,
-        EndErrors,
-        HeightErrors,
-        Measures,
-        MeshScore,
-        OriginScore,
-        ScanScore,
-        Score,
-        Share,
-        Spread,
-    )
 
 # Exit statuses as of diff and cmp: maps that cannot be compared must not pass for different ones.
 DIFFER, TROUBLE = 1, 2
-
-_PLACES = {
-    "under_deck": "under a deck",
-    "in_window": "in a window",
-    "in_hole": "in a hole of the ground",
-    "off_level": "off their level",
-    "elsewhere": "elsewhere",
-}
 
 
 @click.command(cls=FormatsInHelp)
@@ -51,6 +30,12 @@ _PLACES = {
     type=float,
     metavar="X",
     help="Heights and depths that differ by no more pass for equal.  [default: 0]",
+)
+@click.option(
+    "--changed",
+    is_flag=True,
+    help="What appeared from A to B, and what went: what one flight measured and the other saw "
+    "through. Both maps need mls build --free-space.",
 )
 @click.option(
     "--cloud",
@@ -81,6 +66,7 @@ def command(
     other: str | None,
     truth: str | None,
     tolerance: float | None,
+    changed: bool,
     scans: tuple[str, ...],
     within: float | None,
     flights: tuple[str, ...],
@@ -89,9 +75,10 @@ def command(
 ) -> int:
     """Compare two maps patch by patch, or a map with the truth, or with a dense scan.
 
-    With A and B: exit status 0 where they do not differ, 1 where they do, 2 where they cannot be
-    compared. With A and --truth T: how complete, correct and exact the map is. With A and --cloud
-    SCAN: precision, recall and F-score of its mesh, where upright things end, and the levels.
+    With A and B: exit status 0 where they do not differ, 1 where they do (with --changed: where
+    anything appeared or went), 2 where they cannot be compared. With A and --truth T: how complete,
+    correct and exact the map is. With A and --cloud SCAN: precision, recall and F-score of its
+    mesh, where upright things end, and the levels.
 
     SCAN is read as mls build would, with the same options: FORMATS.
     """
@@ -102,9 +89,13 @@ def command(
     if other is None and tolerance is not None:
         instead = "with a scan, --within" if scans else "against the truth it is half a cell"
         raise UsageError(f"--tolerance: goes with two maps; {instead}")
+    if changed and (other is None or tolerance is not None):
+        raise UsageError("--changed: goes with two maps, A and B, and without --tolerance")
     if not scans:
         refuse_given("goes with --cloud SCAN", "within", "flights", *selection)
     with _trouble(f"{map_file} and {other or truth or ', '.join(scans)}"):
+        if other is not None and changed:
+            return _changes(map_file, other, as_json)
         if other is not None:
             return _compare(map_file, other, tolerance or 0.0, as_json)
         if truth is not None:
@@ -132,8 +123,21 @@ def _compare(a: str, b: str, tolerance: float, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps({"a": a, "b": b, **comparison.to_dict()}, indent=2))
     else:
-        click.echo(_comparison_text(a, b, comparison))
+        click.echo(comparison_text(a, b, comparison))
     return DIFFER if comparison.differ else 0
+
+
+def _changes(a: str, b: str, as_json: bool) -> int:
+    from mlscli.io.writing.npz import read_map
+    from mlscli.scoring import changes
+
+    before = read_map(a)
+    result = changes(before, read_map(b))
+    if as_json:
+        click.echo(json.dumps({"a": a, "b": b, **result.to_dict()}, indent=2))
+    else:
+        click.echo(changes_text(a, b, result))
+    return DIFFER if result.changed else 0
 
 
 def _score(map_file: str, truth_file: str, as_json: bool) -> int:
@@ -149,7 +153,7 @@ def _score(map_file: str, truth_file: str, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps({"map": map_file, "truth": truth_file, **result.to_dict()}, indent=2))
     else:
-        click.echo(_score_text(map_file, truth_file, result))
+        click.echo(score_text(map_file, truth_file, result))
     return 0
 
 
@@ -209,158 +213,5 @@ def _score_scan(
         named = {"map": map_file, "cloud": list(scans), "flight": list(flights)}
         click.echo(json.dumps({**named, **result.to_dict(), "lost": losses}, indent=2))
     else:
-        click.echo(_scan_text(map_file, ", ".join(scans), result))
+        click.echo(scan_text(map_file, ", ".join(scans), result))
     return PARTLY_READ if losses else 0
-
-
-# --- as text ---
-
-
-def _comparison_text(a: str, b: str, comparison: Comparison) -> str:
-    if comparison.identical:
-        verdict = "identical"
-    elif comparison.differ:
-        verdict = "differ"
-    else:
-        verdict = f"equal within {comparison.tolerance:.6g}"
-    total, tolerance = comparison.total, comparison.tolerance
-    rows = [
-        *[(name, f"{one} and {two}") for name, (one, two) in comparison.grid.items()],
-        ("patches", _matched(total, a, b)),
-        ("heights", _spread(total.heights, tolerance)),
-        ("depths", _spread(total.depths, tolerance)),
-        ("columns", _columns(comparison)),
-        *[
-            (name, _matched(part, a, b) + _spread(part.heights, tolerance, before="; heights "))
-            for name, part in comparison.by_origin.items()
-        ],
-    ]
-    return f"{a} and {b}: {verdict}\n{report.lines(rows)}"
-
-
-def _matched(part: Differences, a: str, b: str) -> str:
-    return report.counts(
-        {"matched": part.matched, f"only in {a}": part.only_a, f"only in {b}": part.only_b}
-    )
-
-
-def _columns(comparison: Comparison) -> str:
-    differing = ", ".join(f"{name} of {n:,}" for name, n in comparison.columns.items())
-    return f"differ in {differing}" if differing else ""
-
-
-def _spread(spread: Spread, tolerance: float, before: str = "") -> str:
-    if not spread.maximum:
-        return ""
-    return (
-        f"{before}rmse {spread.rmse:.6g}, median {spread.median:.6g}, 95 % {spread.p95:.6g}, "
-        f"maximum {spread.maximum:.6g}; {spread.beyond:,} differ by more than {tolerance:.6g}"
-    )
-
-
-def _score_text(map_file: str, truth_file: str, result: Score) -> str:
-    total = result.total
-    by_shape = (
-        f"horizontal {_percent(total.completeness_horizontal)}, "
-        f"vertical {_percent(total.completeness_vertical)}"
-    )
-    per_cell = result.false_levels_per_cell
-    rows = [
-        ("completeness", f"{_share(total.completeness)} true patches found; {by_shape}"),
-        ("correctness", f"{_share(total.correctness)} patches on a true surface"),
-        ("heights", _errors(total.heights)),
-        (
-            "false levels",
-            f"{result.false_levels:,}"
-            + ("" if per_cell is None else f", {per_cell:.6g} for each true cell"),
-        ),
-        ("levels missed", f"{result.levels_missed:,}"),
-        ("phantom closings", f"{_share(result.phantom_closings)} inserted patches"),
-        ("their places", _places(result)),
-        ("honest red", f"{_share(result.honest_red)} artificial patches on a true surface"),
-        ("flat called vertical", f"{_share(total.flat_called_vertical)} flat true patches"),
-        *[(origin, _measures(part)) for origin, part in result.by_origin.items()],
-    ]
-    return f"{map_file} against {truth_file}\n{report.lines(rows)}"
-
-
-def _places(result: Score) -> str:
-    numbers = {place: sum(by.values()) for place, by in result.phantom_places.items()}
-    return report.counts({_PLACES[place]: number for place, number in numbers.items()})
-
-
-def _measures(part: Measures) -> str:
-    if not part.correctness.of:
-        return ""
-    return (
-        f"{_percent(part.completeness)} found by these alone, "
-        f"{_percent(part.correctness)} correct; heights {_errors(part.heights)}"
-    )
-
-
-def _errors(errors: HeightErrors) -> str:
-    if not errors.patches:
-        return "none to compare"
-    return (
-        f"rmse {errors.rmse:.6g}, bias {errors.bias:.6g}, 95 % {errors.p95:.6g} "
-        f"in {errors.patches:,} patches"
-    )
-
-
-def _share(share: Share) -> str:
-    return f"{_percent(share)}: {share.count:,} of {share.of:,}"
-
-
-def _percent(share: Share) -> str:
-    return "-" if share.share is None else f"{100 * share.share:.2f} %"
-
-
-def _scan_text(map_file: str, scan: str, result: ScanScore) -> str:
-    mesh, columns = result.mesh, result.columns
-    missed = columns.uprights_missed
-    rows = [
-        ("within", f"{mesh.within:.6g}"),
-        ("precision", f"{_percent_of(mesh.precision)} of the mesh is near the scan{_beside(mesh)}"),
-        ("recall", f"{_percent_of(mesh.recall)} of the scan is near the mesh"),
-        ("F-score", _percent_of(mesh.f)),
-        ("points", f"{mesh.points:,} count{_unseen(mesh)}; {_percent_of(mesh.points_found)} near"),
-        *[(origin, _origin(part)) for origin, part in mesh.by_origin.items()],
-        ("uprights", f"{_share(missed)} are missed" if missed.of else ""),
-        ("upper ends", _ends(columns.upper_ends, mesh.within)),
-        ("lower ends", _ends(columns.lower_ends, mesh.within)),
-        ("levels", f"agree in {_share(columns.levels_agree)} cells"),
-    ]
-    return f"{map_file} against {scan}\n{report.lines(rows)}"
-
-
-def _percent_of(share: float) -> str:
-    return f"{100 * share:.2f} %"
-
-
-def _beside(mesh: MeshScore) -> str:
-    if not mesh.beside:
-        return ""
-    return f"; {_percent_of(mesh.beside)} of it lies beside the scan and is not judged"
-
-
-def _unseen(mesh: MeshScore) -> str:
-    return f", {_percent_of(1 - mesh.unseen)} of all: the flight's" if mesh.unseen else ""
-
-
-def _origin(part: OriginScore) -> str:
-    if part.precision is None:
-        return ""
-    return (
-        f"{_percent_of(part.share)} of the mesh, {_percent_of(part.precision)} of it right; "
-        f"without it precision {100 * part.precision_lost:+.2f}, recall "
-        f"{0.0 - 100 * part.recall_won:+.2f}"
-    )
-
-
-def _ends(ends: EndErrors, within: float) -> str:
-    if ends.median is None:
-        return ""
-    return (
-        f"median {ends.median:+.3g}, 5 % {ends.p5:+.3g}, 95 % {ends.p95:+.3g}; more than "
-        f"{within:.6g} too low {_share(ends.too_low)}, too high {_percent(ends.too_high)}"
-    )

@@ -8,12 +8,14 @@ their statistics are combined by the formula of T. F. Chan, G. H. Golub and R. J
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 
-from mlscli.errors import UsageError, expect
+from mlscli.errors import UsageError, expect, expect_items
 from mlscli.maps.cells import pack
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import comes_later
@@ -36,13 +38,14 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     Parameters
     ----------
     one, other : SurfaceMap
-        Of one frame; `meta` is taken from `one`.
+        Of one frame.
 
     Returns
     -------
     SurfaceMap
         Its route is that of `one`, then that of `other`; no patch has a region (-1). Counts of
-        free space add; where one of the maps has none, the result has none.
+        free space add; where one of the maps has none, the result has none. In `meta` sources
+        follow one another and counts add; what else the maps do not agree on is left out.
 
     Raises
     ------
@@ -78,7 +81,45 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
         region=np.full(merged.size, -1, dtype=np.int32),
         route=np.concatenate((one.route, other.route)),
         free=one.free and other.free and one.free.union(other.free),
+        meta=_meta_of_both(one.meta, other.meta),
     )
+
+
+def merge_all(surfaces: Sequence[SurfaceMap]) -> SurfaceMap:
+    """Merge maps one after the other, see `merge_maps`.
+
+    Parameters
+    ----------
+    surfaces : sequence of SurfaceMap
+        One or more.
+    """
+    expect_items(surfaces, "surfaces", "a list of maps (SurfaceMap)")
+    if not surfaces:
+        raise UsageError("surfaces: expected one map or more")
+    return reduce(merge_maps, surfaces)
+
+
+def _meta_of_both(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the meta of two flights as that of one."""
+    # The turns are known to agree but for a rounding.
+    both = {name: value for name, value in one.items() if name == TURN or other.get(name) == value}
+    for name in ("sources", "points", "keyframes", "batches"):
+        together = _together(one.get(name), other.get(name))
+        both |= {} if together is None else {name: together}
+    return both
+
+
+def _together(one: Any, other: Any) -> Any:
+    """Return counts added, by name where they have names, and lists joined; None: neither."""
+    if isinstance(one, list) and isinstance(other, list):
+        return one + other
+    if isinstance(one, int) and isinstance(other, int):
+        return one + other
+    if isinstance(one, dict) and isinstance(other, dict):
+        names = sorted(one.keys() | other.keys())
+        added = {name: _together(one.get(name, 0), other.get(name, 0)) for name in names}
+        return {name: count for name, count in added.items() if count is not None}
+    return None
 
 
 def _require_same_frame(one: SurfaceMap, other: SurfaceMap) -> None:

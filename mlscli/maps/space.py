@@ -49,15 +49,27 @@ def space_at(surface: SurfaceMap, xyz: Float64, least: int = 2) -> UInt8:
     known = surface.free.lines_through(ix, iy, iz)
     space = np.where(known >= least, FREE, UNKNOWN).astype(np.uint8)
     space[known == 0] = NEVER_SEEN
+    space[occupied(surface, ix, iy, iz)] = OCCUPIED
+    return space
+
+
+def occupied(surface: SurfaceMap, ix: Int64, iy: Int64, iz: Int64) -> Bool:
+    """Return which voxels a patch reaches into, bool (N,).
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    ix, iy, iz : int64 (N,)
+        Their indices, see `voxels_at`.
+    """
     inside = (np.abs(ix + 0.5) < 2.0**31) & (np.abs(iy + 0.5) < 2.0**31)
     cells, half = surface.cells, surface.cell_size / 2
     low, high = (np.floor(end / half) for end in (surface.low_end, surface.height))
-    places = np.flatnonzero(inside)
-    keys = pack(ix[places].astype(np.int32), iy[places].astype(np.int32))
-    heights = iz[places].astype(np.float64)
-    taken = _taken(keys, heights, pack(cells.ix, cells.iy), cells.start, low, high)
-    space[places[taken]] = OCCUPIED
-    return space
+    keys = pack(ix[inside].astype(np.int32), iy[inside].astype(np.int32))
+    heights = iz[inside].astype(np.float64)
+    found = np.zeros(len(ix), dtype=np.bool_)
+    found[inside] = _taken(keys, heights, pack(cells.ix, cells.iy), cells.start, low, high)
+    return found
 
 
 def known_voxels(surface: SurfaceMap, least: int = 2) -> tuple[Int64, UInt8]:

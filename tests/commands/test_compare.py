@@ -16,6 +16,7 @@ import pytest
 
 from mlscli.io.reading.recording import open_recording
 from mlscli.io.writing.npz import read_map, write_map
+from mlscli.maps.free_space import FreeSpace
 from mlscli.scenes.surfaces import Scene, add_horizontal
 from mlscli.scenes.truth import truth
 from mlscli.scoring import compare_maps, score, score_scan
@@ -287,3 +288,31 @@ def test_what_cannot_be_compared_ends_with_2_and_one_line(
     assert done.stdout == ""
     assert complaint in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_what_went_is_told_where_it_was(tmp_path: Path) -> None:
+    tall = [Patch(x, y, 3.0, 3.0, 0, 9) for x in (1, 2) for y in (1, 2)]
+    space = FreeSpace(
+        np.repeat(np.arange(4, dtype=np.int32), 3), np.tile(np.arange(3, dtype=np.int32), 4),
+        12 * np.arange(13), np.tile(np.arange(1, 13, dtype=np.int32), 12),
+        np.full(144, 3, dtype=np.uint8),
+    )  # fmt: skip
+    rest = [patch for patch in FLOOR if patch.cell not in {tower.cell for tower in tall}]
+    write_map(tmp_path / "a.npz", replace(map_of(rest + tall), free=space))
+    write_map(tmp_path / "b.npz", replace(map_of(FLOOR), free=space))
+    write_map(tmp_path / "blind.npz", map_of(FLOOR))
+    done = mls("compare", "a.npz", "b.npz", "--changed", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert done.stdout.splitlines() == [
+        "a.npz to b.npz: changed",
+        "  gone  x 0.500 to 1.500; y 0.500 to 1.500; z 0.500 to 3.250",
+    ]
+    told = json.loads(mls("compare", "b.npz", "a.npz", "--changed", "--json", cwd=tmp_path).stdout)
+    assert [thing["high"] for thing in told["appeared"]] == [[1.5, 1.5, 3.25]]
+    same = mls("compare", "a.npz", "a.npz", "--changed", cwd=tmp_path)
+    assert same.returncode == 0
+    assert same.stdout == "a.npz to a.npz: nothing appeared or went where both looked\n"
+    blind = mls("compare", "a.npz", "blind.npz", "--changed", cwd=tmp_path)
+    assert blind.returncode == 2
+    assert "the second map does not say what was seen through" in blind.stderr
+    assert mls("compare", "a.npz", "--changed", cwd=tmp_path).returncode == 2
