@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mlscli.config import load as load_parameters
     from mlscli.io.reading.recording import open_recording
     from mlscli.io.writing.glb import write_glb
+    from mlscli.io.writing.grid_map import write_grid_map
     from mlscli.io.writing.las import write_las
     from mlscli.io.writing.nav2 import write_nav2
     from mlscli.io.writing.npz import read_map, write_map
@@ -56,6 +57,7 @@ __all__ = [
     "read_map",
     "space_at",
     "write_glb",
+    "write_grid_map",
     "write_las",
     "write_map",
     "write_nav2",
@@ -86,6 +88,7 @@ _HOMES = {
     "space_at": ("mlscli.maps.space", "space_at"),
     "write_glb": ("mlscli.io.writing.glb", "write_glb"),
     "write_map": ("mlscli.io.writing.npz", "write_map"),
+    "write_grid_map": ("mlscli.io.writing.grid_map", "write_grid_map"),
     "write_las": ("mlscli.io.writing.las", "write_las"),
     "write_nav2": ("mlscli.io.writing.nav2", "write_nav2"),
     "write_obj": ("mlscli.io.writing.obj", "write_obj"),

@@ -197,6 +197,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "write_octomap": (mlscli.write_octomap, {"path": "a", "surface": SURFACE}),
     "write_pcd": (mlscli.write_pcd, {"path": "a", "surface": SURFACE}),
     "write_las": (mlscli.write_las, {"path": "a", "surface": SURFACE}),
+    "write_grid_map": (mlscli.write_grid_map, {"path": "a", "surface": SURFACE}),
     "write_page": (mlscli.write_page, {"path": "a", "surface": SURFACE}),
     "write_replay": (mlscli.write_replay, {"path": "a", "surface": SURFACE, "changes": []}),
     "open_replay": (enter(mlscli.open_replay), {"path": "a"}),

@@ -16,11 +16,13 @@ import laspy
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
+from rosbags.highlevel import AnyReader
 
 from benchmarks import figures
 from docs.gallery.make import CAPTION, WIDTH, hamlet, pixels, save
 from docs.gallery.render import View
 from mlscli.config import load
+from mlscli.io.writing.grid_map import TYPE, write_grid_map
 from mlscli.io.writing.las import write_las
 from mlscli.io.writing.nav2 import write_nav2
 from mlscli.io.writing.octomap import write_octomap
@@ -86,6 +88,23 @@ def pointcloud() -> None:
     save("pointcloud", pixels(figure))
 
 
+def layers() -> None:
+    """Draw the layers of a grid map, as rosbags reads them."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_grid_map(Path(folder, "hamlet.mcap"), hamlet())
+        with AnyReader([Path(folder, "hamlet.mcap")]) as reader:
+            ((_, _, data),) = reader.messages()
+            message: Any = reader.deserialize(data, TYPE)
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    shown = ("elevation", "elevation_1", "clearance", "count")
+    for axes, name in zip(figure.subplots(2, 2).flat, shown, strict=True):
+        matrix = message.data[list(message.layers).index(name)]
+        image = matrix.data.reshape([each.size for each in matrix.layout.dim])[:, ::-1]
+        figure.colorbar(axes.imshow(image, interpolation="nearest"), ax=axes)
+        axes.set(title=name, xticks=[], yticks=[])
+    save("layers", pixels(figure))
+
+
 def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -> UInt8:
     """Return a picture of what a tree holds at places: black, white, and grey where unknown."""
     image = np.full((len(places), len(places[0])), 160, dtype=np.uint8)
@@ -96,7 +115,7 @@ def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -
     return image
 
 
-ALL: Sequence[Callable[[], None]] = (nav2, octomap, pointcloud)
+ALL: Sequence[Callable[[], None]] = (nav2, octomap, pointcloud, layers)
 
 
 def tiled(images: Sequence[tuple[str, Array]], columns: int = 2) -> UInt8:

@@ -98,7 +98,8 @@ def command(source: str | None, as_json: bool, **options: Any) -> None:
     materials (.mtl) beside it. MCAP holds the finished map, uncovered as the flight saw it, for
     Foxglove Studio and RViz. nav2 is what map_server reads, an image and a YAML file for each
     storey (NAME.1.yaml, ...) on which a robot can drive, or for a flying height; octomap is a .bt
-    file of occupied, free and unknown space. pcd and las are its patches as points with fields.
+    file of occupied, free and unknown space. pcd and las are its patches as points with fields;
+    grid-map is a message of grid_map in MCAP.
     """
     map_file = Path(source) if source is not None else the_one_map()
     output = options["output"]

@@ -184,6 +184,19 @@ def _octomap(order: Order) -> Written:
     return Written([line], written._asdict(), notes)
 
 
+def _grid_map(order: Order) -> Written:
+    from mlscli.io.writing.grid_map import MOST_LEVELS, write_grid_map
+
+    written = write_grid_map(order.target, order.surface, overwrite=order.overwrite)
+    line = (
+        f"{order.target}: {written.rows:,} x {written.columns:,} cells, "
+        f"layers {', '.join(written.layers)}"
+    )
+    more = some(written.left_out, "patch")
+    notes = [f"{more} above level {MOST_LEVELS}: no layer of their own"] if written.left_out else []
+    return Written([line], written._asdict(), notes)
+
+
 # --- clouds ---
 
 
@@ -214,6 +227,7 @@ FORMATS = {
     "mcap": Format((".mcap",), (), _replay, _refuse_file),
     "nav2": Format((".yaml", ".yml"), (*ROBOT, "flying_height", "least"), _nav2, _refuse_sheets),
     "octomap": Format((".bt",), ("no_artificial", "least"), _octomap, _refuse_file),
+    "grid-map": Format((".mcap",), (), _grid_map, _refuse_file),
     "pcd": Format((".pcd",), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file),
     "las": Format(
         (".las", ".laz"), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file

@@ -23,6 +23,7 @@ from mlscli.io.writing.npz import write_map
 from mlscli.io.writing.ply import write_ply
 from mlscli.maps.space import FREE, OCCUPIED, UNKNOWN
 from mlscli.mesh import build_mesh
+from tests.helpers.maps import Patch, map_of
 from tests.helpers.meshes import house
 from tests.helpers.occupancy import served
 from tests.helpers.octrees import read_octree
@@ -243,6 +244,19 @@ def test_patches_are_written_as_points_and_rounding_is_told(folder: Path) -> Non
     write_map("far.npz", replace(surface, ix=surface.ix + 10**7))
     assert "rounded by up to 0.1" in export("far.npz", "--format", "pcd").stderr
     assert export("far.npz", "--format", "las").stderr == ""
+
+
+def test_layers_are_written_for_grid_map(folder: Path) -> None:
+    result = export("--format", "grid-map", "-o", "a.mcap")
+    assert result.stdout.startswith("a.mcap: 29 x 9 cells, layers elevation, top, clearance, ")
+    assert result.stderr == ""
+    with (folder / "a.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert [schema.name for schema in summary.schemas.values()] == ["grid_map_msgs/msg/GridMap"]
+    tower = [Patch(0, 0, 2.0 * n, 0.0, 0, 1) for n in range(10)]
+    write_map("tower.npz", map_of(tower))
+    assert "2 patches above level 8" in export("tower.npz", "--format", "grid-map").stderr
 
 
 @pytest.mark.usefixtures("folder")

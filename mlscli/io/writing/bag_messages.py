@@ -92,7 +92,7 @@ class BagWriter:
         lasts = topic in self._lasting
         offered = [_lasting()] if lasts else []
         if isinstance(self._writer, StateWriter):
-            profiles = yaml.safe_dump(dump_qos_v9(offered))
+            profiles = lasting_profiles() if lasts else yaml.safe_dump([])
             return self._writer.add_topic(topic, type_, {"offered_qos_profiles": profiles})
         options: dict[str, Any] = {"offered_qos_profiles": offered}
         if self._is_ros1:
@@ -287,6 +287,12 @@ class BagWriter:
         connection = self._connections[topic]
         serialize = self._store.serialize_ros1 if self._is_ros1 else self._store.serialize_cdr
         self._writer.write(connection, stamp, serialize(message, self._topics[topic]))
+
+
+def lasting_profiles() -> str:
+    """Return what a channel's metadata hold of a topic whose last message lasts."""
+    profiles: str = yaml.safe_dump(dump_qos_v9([_lasting()]))
+    return profiles
 
 
 def _lasting() -> Qos:
