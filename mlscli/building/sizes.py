@@ -37,6 +37,8 @@ _OUTSIDE = 0.01
 _FEW_CELLS, _MANY_POINTS, _MANY_TIMES = 2, 100, 3.0
 # Cells are coarse beyond this share of the scene's longer side.
 _COARSE = 0.1
+# So are steps of coordinates beyond this share of a cell.
+_COARSE_STEP = 0.1
 # And the scene has too many of them beyond this number.
 _MOST_CELLS = 1e8
 # Noise that is even over a cell has a standard deviation of 1 / sqrt(12) of it. A little more of it
@@ -125,7 +127,9 @@ def fit_sizes(
     return FittedSizes(settled, reasons, list(_doubts(cell_size, rough, sides)))
 
 
-def given_size_doubts(described: Mapping[str, Any], vehicle_height: float) -> list[str]:
+def given_size_doubts(
+    described: Mapping[str, Any], vehicle_height: float, step: float = 0.0
+) -> list[str]:
     """Return what is doubtful of sizes that were given, now that the map is there.
 
     Parameters
@@ -135,6 +139,8 @@ def given_size_doubts(described: Mapping[str, Any], vehicle_height: float) -> li
         were found, and its ``points``.
     vehicle_height : float
         In the unit of the map.
+    step : float
+        To how much the coordinates of points were rounded.
     """
     doubts = []
     size, gap = described["cell_size"], described["gap_size"]
@@ -144,6 +150,11 @@ def given_size_doubts(described: Mapping[str, Any], vehicle_height: float) -> li
         doubts.append(
             f"map.cell_size {size:g}: all of the map lies in {some(described['cells'], 'cell')}; "
             "sizes are in the unit of the recording, and auto finds one that suits"
+        )
+    if step > _COARSE_STEP * size:
+        doubts.append(
+            f"map.cell_size {size:g}: a coordinate lies on steps of {step:g}, as float32 has them "
+            "so far from 0; digits are lost, and were kept in double numbers, or nearer to 0"
         )
     if gap > _MANY_TIMES * vehicle_height:
         doubts.append(

@@ -179,7 +179,7 @@ def command(
             say(f"mls: {note}")
     for loss in recording.losses:
         say(f"mls: warning: {loss}")
-    for doubt in given_size_doubts(account, account["vehicle"]["height"]):
+    for doubt in given_size_doubts(account, account["vehicle"]["height"], recording.tally.step):
         say(f"mls: {doubt}")
     seconds = time.perf_counter() - begin
     account |= {"seconds": {"total": seconds, **built.report.seconds}}

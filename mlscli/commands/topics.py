@@ -18,12 +18,15 @@ _LOOK_SECONDS = 5.0
 
 def describe(source: TopicSource) -> dict[str, Any]:
     """Return topics and their use, frames, notes and losses of a recording, ready for JSON."""
-    from mlscli.io.reading.frames import read_tree, why_not_mapped
+    from mlscli.io.reading.frames import why_not_mapped
     from mlscli.io.reading.glance import Glance
+    from mlscli.io.reading.history import History
 
     glance = Glance(seconds=_LOOK_SECONDS)
-    tree = read_tree([glance.of(source)])
-    notes = [with_options(note) for note in (*source.notes, *source.first_doubts)]
+    history = History([glance.of(source)], of_clouds=False)
+    tree = history.whole
+    told = (*source.notes, *source.first_doubts, *history.notes, *history.faults.values())
+    notes = [with_options(note) for note in told]
     if glance.poses_cut:
         notes.append(
             f"frames and what leads to them: by the transforms read in {_LOOK_SECONDS:g} s"

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.io.writing.npz import read_map
 from tests.helpers.bags import Sent, write_bag
+from tests.helpers.pcds import pcd
 from tests.helpers.program import mls
 from tests.helpers.published import published
 
@@ -418,3 +419,18 @@ def test_sizes_beyond_reason_are_doubted(folder: Path, setting: str, words: str)
     assert done.returncode == 0
     assert done.stderr.startswith(words)
     assert done.stderr.count("\n") == bool(words)
+
+
+def test_coordinates_that_lost_their_digits_are_told(tmp_path: Path) -> None:
+    points = np.random.default_rng(1).uniform(0, 40, (3000, 3))
+    far = (points + np.array([356_000, 5_572_094, 100])).astype("<f4")
+    (tmp_path / "far.pcd").write_bytes(
+        pcd("binary", far.tobytes(), WIDTH=len(far), POINTS=len(far))
+    )
+    fine, coarse = (
+        mls("build", "far.pcd", "--overwrite", "--set", f"map.cell_size={size}", cwd=tmp_path)
+        for size in (8, 2)
+    )
+
+    assert "lies on steps" not in fine.stderr
+    assert "a coordinate lies on steps of 0.5" in coarse.stderr

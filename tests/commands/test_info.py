@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mlscli.io.writing.npz import write_map
-from tests.helpers.bags import Sent, write_bag
+from tests.helpers.bags import Sent, write_bag, write_told
+from tests.helpers.craft import at, recorded, run, seen, transform
 from tests.helpers.maps import Patch, map_of
 from tests.helpers.program import mls
 
@@ -284,3 +285,34 @@ def test_many_numbers_of_levels_are_told_on_one_line(tmp_path: Path) -> None:
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("  levels")]
     assert line.endswith("1 cell with 5, 15 cells with 6 to 20")
     assert len(line) < 120
+
+
+def test_two_robots_on_one_topic_are_told(tmp_path: Path) -> None:
+    told = [each for pair in zip(run(0, 0), run(0, 100), strict=True) for each in pair]
+    write_told(tmp_path / "flight.bag", [*told, *seen(0, 3)])
+
+    said = mls("info", "flight.bag", cwd=tmp_path).stdout
+
+    assert "'base_link' in 'map' is told at two places by turns" in said
+
+
+def test_two_parents_of_a_frame_are_told(tmp_path: Path) -> None:
+    told = [recorded(transform(k, name, "base_link", at(k)), k) for k in range(9) for name in "ab"]
+    write_told(tmp_path / "flight.bag", [*told, *seen(0, 3)])
+
+    said = mls("info", "flight.bag", cwd=tmp_path).stdout
+
+    assert "'base_link' is told in 'a' and 'b' by turns" in said
+
+
+def test_of_robots_with_name_spaces_it_tells_which_count_and_no_contradiction(
+    tmp_path: Path,
+) -> None:
+    robots = [*run(0, 0, topic="/one/tf"), *run(0, 100, topic="/two/tf")]
+    clouds = (each._replace(topic="/two/points") for each in seen(0, 3))
+    write_told(tmp_path / "flight.bag", [*robots, *clouds])
+
+    said = mls("info", "flight.bag", cwd=tmp_path).stdout
+
+    assert "those count whose name space holds the topic of the clouds" in said
+    assert "by turns" not in said

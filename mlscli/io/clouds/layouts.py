@@ -23,6 +23,8 @@ from mlscli.words import are, some
 # Coordinates are below it, and time stamps mostly above.
 _LEAST_STAMP = 1e8
 _LEAST_ROWS = 5
+# Eastings of UTM are below it, and northings mostly above.
+_MOST_EASTING = 1e6
 _PADDED = re.compile(r"[+-]?0[0-9]+")
 _WHOLE = re.compile(r"[+-]?[0-9]+")
 
@@ -144,7 +146,12 @@ def _doubt(path: Path, opening: Opening) -> list[str]:
     if is_index and opening.width > 3 and not any(whole[1:3]):
         _refuse(path, opening, f"numbers of rows ({first[0]:.0f}, {first[1]:.0f}, ...)", "-,x,y,z")
     if whole[:4] == [True, False, False, False]:
-        return [_doubt_note(path, "first column holds whole numbers only", "-,x,y,z")]
+        # Surveyors write numbers, northings, eastings and heights (PNEZD), or eastings first.
+        turned = bool(
+            (leading[:, 1] > _MOST_EASTING).all() and (leading[:, 2] < _MOST_EASTING).all()
+        )
+        columns = "-,y,x,z" if turned else "-,x,y,z"
+        return [_doubt_note(path, "first column holds whole numbers only", columns)]
     if whole == [True, True, False, False, False]:
         return [_doubt_note(path, "first two columns hold whole numbers only", "-,-,x,y,z")]
     if opening.width == 4 and len(steps) >= 2 * _LEAST_ROWS and _are_even(steps):

@@ -15,6 +15,7 @@ from mlscli.io.source import Reading, Source
 
 _HEAD = 1 << 16
 _PCD = re.compile(rb"(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:# ?\.PCD|VERSION 0?\.|FIELDS )")
+_GRID = re.compile(rb"\s*(?:ncols\s+\d+\s+nrows|nrows\s+\d+\s+ncols)\s+\d+\s", re.IGNORECASE)
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
@@ -258,6 +259,10 @@ FORMATS = (
         _open_opensfm,
         listed="OpenSfM reconstructions",
     ),
+    Format(
+        "an ESRI grid (gdal_translate -of XYZ makes a text cloud of it)",
+        lambda _, head: bool(_GRID.match(head.removeprefix(b"\xef\xbb\xbf"))),
+    ),
     Format("a JSON file", _starting(b"{", b"[")),
     Format("a gzip archive", _starting(b"\x1f\x8b")),
     Format("a zip archive or numpy's .npz", _starting(b"PK\x03\x04")),
@@ -294,5 +299,8 @@ def _content(path: Path, head: bytes) -> str:
         names = sorted(child.name for child in path.iterdir())
         listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
         lacking = "is no ROS 2 bag, COLMAP model or OpenSfM reconstruction"
+        for folder in (path, path / "sparse", path / "sparse" / "0"):
+            if (folder / "points3D.ply").is_file():
+                lacking += f"; its points may be those of {folder / 'points3D.ply'}: name that file"
         return f"holds {listed}, and {lacking}" if names else "is an empty folder"
     return f"holds {'binary data of no known format' if head.strip() else 'nothing'}"

@@ -338,10 +338,15 @@ def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[st
 
 def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
     """Return what the user can do about clouds in a sensor's frame."""
-    root = tree.ancestors(frame)[-1]
+    root, body = tree.ancestors(frame)[-1], body_of(tree)
     tell = f"the transforms lead to {root!r} only" if root != frame else "no transforms lead on"
     ways = [f"`pose_topic` {t.name} moves them with the craft" for t in source.topics() if t.poses]
-    return "; ".join([tell, *ways[:2], f"where {root!r} stands still, `frame` {root} says so"])
+    if root == frame and body and world_above(tree, body):
+        # As in a part of a split recording, whose static transforms are in the first.
+        ways.append(
+            f"`extrinsic` hangs it below {body!r}, as does the recording that holds /tf_static"
+        )
+    return "; ".join([tell, *ways[:3], f"where {root!r} stands still, `frame` {root} says so"])
 
 
 @contextmanager

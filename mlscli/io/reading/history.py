@@ -100,6 +100,8 @@ class History:
             id(sources[number]): place for place, group in enumerate(groups) for number in group
         }
         self._told = [self._group(read, group) for group in groups]
+        if not of_clouds:
+            self._tell_robots(read)
         trees = [tree for _, some in self._told for tree in some]
         self.whole = trees[0] if len(trees) == 1 else TransformTree(gap)
         if len(trees) > 1:
@@ -130,6 +132,19 @@ class History:
         self._others |= settled.others
         self.faults |= settled.faults
         self.notes += [note for note in settled.notes if note not in self.notes]
+
+    def _tell_robots(self, read: Sequence[list[tuple[StampedPoses, bool]]]) -> None:
+        """Where several name spaces tell of one frame, say that, and not what they contradict."""
+        rivals = {
+            topic for each in read for topic in choose((poses for poses, _ in each), "").children
+        }
+        if rivals:
+            self.faults = {}
+            self.notes = [
+                "transforms of several name spaces tell of the same frames, "
+                f"{', '.join(sorted(rivals))} among them; those count whose name space holds the "
+                "topic of the clouds"
+            ]
 
     def _own(
         self, read: list[tuple[StampedPoses, bool]], source: Source

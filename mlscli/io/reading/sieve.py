@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from mlscli.io.plausibility.piles import pile, without_zeros
+from mlscli.io.plausibility.rounding import lost_step
 from mlscli.io.reading.tally import NO_RETURN, NOT_FINITE, REPEATED, Tally
 from mlscli.io.source import Cloud
 from mlscli.parameters.lengths import FARTHEST
@@ -63,7 +64,7 @@ class Sieve:
     def plausible(self, cloud: Cloud) -> Cloud:
         """Return a cloud, in a frame that is no sensor's, without points that pile up at zero.
 
-        Of points that pile up elsewhere `Tally` is told, but for clouds that need not be looked at.
+        Of points that pile up elsewhere or are rounded `Tally` is told, but not of all clouds.
         """
         found = without_zeros(cloud.points)
         kept = found.accepted(ValueError)
@@ -71,6 +72,7 @@ class Sieve:
             self._tally.zeros += len(kept) - int(np.count_nonzero(kept))
             cloud = replace(cloud, points=self._kept(cloud.points, NO_RETURN, kept))
         if self._tally.keyframes <= _LOOKED_AT or not self._tally.keyframes % _LOOKED_AT:
+            self._tally.step = max(self._tally.step, lost_step(cloud.points))
             piled = pile(cloud.points)
             if piled.value and not self._tally.pile:
                 self._tally.pile = (

@@ -52,6 +52,8 @@ class Tally:
         Points dropped at exactly (0, 0, 0), though not in a sensor's frame.
     pile : str
         Where points pile up otherwise; empty where none were seen to.
+    step : float
+        To how much a coordinate of the first clouds was rounded, in the unit of the recording.
     """
 
     points_read: int = 0
@@ -65,6 +67,7 @@ class Tally:
     times: list[tuple[float, float]] = field(default_factory=list)
     zeros: int = 0
     pile: str = ""
+    step: float = 0.0
 
     @property
     def has_times(self) -> bool:

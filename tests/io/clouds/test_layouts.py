@@ -217,3 +217,22 @@ def test_what_stands_below_a_header_and_is_no_row_is_named(tmp_path: Path) -> No
 
 def test_texts_that_were_put_one_behind_another_are_read_on(tmp_path: Path) -> None:
     assert one_cloud(tmp_path, "\ufeff1,2,3\n\ufeff4,5,6\n") == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
+    ("row", "columns"),
+    [
+        ("{number},{north:.3f},{east:.3f},116.25,GRND\n", "-,y,x,z"),
+        ("{number},{east:.3f},{north:.3f},116.25,GRND\n", "-,x,y,z"),
+    ],
+)
+def test_of_numbered_survey_points_it_tells_which_column_is_x(
+    tmp_path: Path, row: str, columns: str
+) -> None:
+    numbers = (7, 12, 3, 40, 8, 21, 5)
+    content = "".join(
+        row.format(number=n, north=4_169_003.1 + n / 3, east=352_000.2 + n / 7) for n in numbers
+    )
+    cloud = TextCloud(text(tmp_path, content))
+
+    assert any(f"try `columns` {columns}" in note for note in cloud.notes)

@@ -94,3 +94,20 @@ def test_of_two_reconstructions_of_a_project_one_is_taken_and_the_other_named(
     (note,) = choices(open_source(tmp_path))
 
     assert f"not taken: {other}" in note
+
+
+def test_a_grid_of_heights_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "dem.asc"
+    path.write_text("NCOLS 2\r\nNROWS 1\r\nxllcorner 0\nyllcorner 0\ncellsize 1\n3.5 3.6\n")
+
+    with pytest.raises(InputError, match=r"is an ESRI grid \(gdal_translate -of XYZ makes"):
+        open_source(path)
+
+
+@pytest.mark.parametrize("below", ["", "sparse", "sparse/0"])
+def test_points_that_a_model_has_as_ply_alone_are_named(tmp_path: Path, below: str) -> None:
+    write_text(tmp_path / below, IMAGES, POINTS)
+    (tmp_path / below / "points3D.txt").rename(tmp_path / below / "points3D.ply")
+
+    with pytest.raises(InputError, match=r"may be those of .*points3D\.ply: name that file"):
+        open_source(tmp_path)

@@ -243,3 +243,10 @@ def test_recordings_whose_headers_are_empty_go_by_the_time_of_recording(tmp_path
 
     assert_near(keyframe.points, moved(between(FIRST, SECOND_POSE, 0.25)))
     assert keyframe.stamp == BEGIN + 1001
+
+
+def test_a_part_of_a_split_recording_without_static_transforms_names_what_hangs_the_sensor(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(InputError, match="`extrinsic` hangs it below 'base_link'"):
+        opened(tmp_path, [*moving("odom"), cloud(1, "lidar")])
