@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mlscli.io.writing.octomap import write_octomap
     from mlscli.io.writing.pcd import write_pcd
     from mlscli.io.writing.ply import write_ply
+    from mlscli.io.writing.raster import write_layers
     from mlscli.maps.grid import Grid
     from mlscli.maps.merging import merge_maps
     from mlscli.maps.space import space_at
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from mlscli.pipeline.parameters import Parameters
     from mlscli.queries.clearance import clearance
     from mlscli.queries.levels import height_at, levels_at
+    from mlscli.rasters.tables import to_pandas, to_xarray
     from mlscli.view.page import write_page
     from mlscli.view.replay import open_replay, write_replay
 
@@ -56,9 +58,12 @@ __all__ = [
     "open_replay",
     "read_map",
     "space_at",
+    "to_pandas",
+    "to_xarray",
     "write_glb",
     "write_grid_map",
     "write_las",
+    "write_layers",
     "write_map",
     "write_nav2",
     "write_obj",
@@ -90,6 +95,9 @@ _HOMES = {
     "write_map": ("mlscli.io.writing.npz", "write_map"),
     "write_grid_map": ("mlscli.io.writing.grid_map", "write_grid_map"),
     "write_las": ("mlscli.io.writing.las", "write_las"),
+    "to_pandas": ("mlscli.rasters.tables", "to_pandas"),
+    "to_xarray": ("mlscli.rasters.tables", "to_xarray"),
+    "write_layers": ("mlscli.io.writing.raster", "write_layers"),
     "write_nav2": ("mlscli.io.writing.nav2", "write_nav2"),
     "write_obj": ("mlscli.io.writing.obj", "write_obj"),
     "write_octomap": ("mlscli.io.writing.octomap", "write_octomap"),

@@ -54,7 +54,7 @@ class ConfigError(UsageError):
 
 # Arguments that are options of a command, under the same name with dashes; and those under others.
 _ARGUMENTS = (
-    *("add_param", "columns", "crop", "cumulative", "end", "every", "extrinsic", "features"),
+    *("add_param", "columns", "crop", "crs", "cumulative", "end", "every", "extrinsic", "features"),
     *("field_of_view", "filled", "flying_height", "frame", "free_space", "grid", "headroom"),
     *("holes", "jobs", "latest", "legs", "level", "max_slope", "memory", "outliers"),
     *("overwrite", "pose_gap", "pose_topic", "range", "reference", "route", "route_height"),
@@ -63,7 +63,7 @@ _ARGUMENTS = (
     "within",
 )
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}
-OPTIONS |= {"sets": "--set", "type_": "--type"}
+OPTIONS |= {"kind": "--format", "sets": "--set", "type_": "--type"}
 
 # A word by itself: names of files and topics that hold backquotes are left alone.
 _ARGUMENT = re.compile(r"(?<![^\s(])`([a-z_]+)`(?=[\s:;,]|$)")

@@ -89,6 +89,11 @@ from mlscli.errors import UsageError
     is_flag=True,
     help="Of pcd and las: points all down the walls, at most half a cell apart.",
 )
+@click.option(
+    "--crs",
+    metavar="CRS",
+    help="Of geotiff: the reference system of the map frame, as EPSG:32632.",
+)
 @overwrite
 @as_json
 def command(source: str | None, as_json: bool, **options: Any) -> None:
@@ -99,7 +104,7 @@ def command(source: str | None, as_json: bool, **options: Any) -> None:
     Foxglove Studio and RViz. nav2 is what map_server reads, an image and a YAML file for each
     storey (NAME.1.yaml, ...) on which a robot can drive, or for a flying height; octomap is a .bt
     file of occupied, free and unknown space. pcd and las are its patches as points with fields;
-    grid-map is a message of grid_map in MCAP.
+    grid-map is a message of grid_map in MCAP; npz, netcdf and geotiff are layers by cell.
     """
     map_file = Path(source) if source is not None else the_one_map()
     output = options["output"]

@@ -197,6 +197,26 @@ def _grid_map(order: Order) -> Written:
     return Written([line], written._asdict(), notes)
 
 
+def _layers(order: Order) -> Written:
+    from mlscli.io.writing.raster import write_layers
+
+    options = order.options
+    written = write_layers(
+        order.target,
+        order.surface,
+        options["kind"],
+        crs=options["crs"],
+        overwrite=order.overwrite,
+    )
+    size, names = written.extent, list(written.layers)
+    line = f"{order.target}: {size.width:,} x {size.height:,} cells, layers {', '.join(names)}"
+    told = {"columns": size.width, "rows": size.height, "layers": names}
+    notes = []
+    if options["kind"] == "geotiff" and options["crs"] is None:
+        notes.append("the GeoTIFF names no reference system; `crs` says which, as EPSG:32632")
+    return Written([line], told, notes)
+
+
 # --- clouds ---
 
 
@@ -228,6 +248,9 @@ FORMATS = {
     "nav2": Format((".yaml", ".yml"), (*ROBOT, "flying_height", "least"), _nav2, _refuse_sheets),
     "octomap": Format((".bt",), ("no_artificial", "least"), _octomap, _refuse_file),
     "grid-map": Format((".mcap",), (), _grid_map, _refuse_file),
+    "npz": Format((".layers.npz", ".npz"), (), _layers, _refuse_file),
+    "netcdf": Format((".nc",), (), _layers, _refuse_file),
+    "geotiff": Format((".tif", ".tiff"), ("crs",), _layers, _refuse_file),
     "pcd": Format((".pcd",), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file),
     "las": Format(
         (".las", ".laz"), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file

@@ -259,6 +259,19 @@ def test_layers_are_written_for_grid_map(folder: Path) -> None:
     assert "2 patches above level 8" in export("tower.npz", "--format", "grid-map").stderr
 
 
+def test_layers_are_written_for_numpy_and_others(folder: Path) -> None:
+    told = "29 x 9 cells, layers ground, top, clearance, "
+    assert export("--format", "npz").output.startswith(f"house.layers.npz: {told}")
+    with np.load(folder / "house.layers.npz") as arrays:
+        assert arrays["ground"].shape == (9, 29)
+    # Layers are no map: the one map is still the one.
+    assert export("-o", "a.nc").output.startswith(f"a.nc: {told}")
+    pytest.importorskip("rasterio")
+    assert "--crs says which" in export("-o", "a.tif").stderr
+    named = export("-o", "b.tif", "--crs", "EPSG:32632", "--json")
+    assert (named.stderr, json.loads(named.stdout)["columns"]) == ("", 29)
+
+
 @pytest.mark.usefixtures("folder")
 def test_options_of_other_formats_are_refused() -> None:
     for format_, options in (

@@ -61,7 +61,7 @@ def write_map(
     ):
 
         def write(name: str, value: object) -> None:
-            with _member(archive, name) as member:
+            with array_member(archive, name) as member:
                 np.lib.format.write_array(member, np.asanyarray(value), allow_pickle=False)
 
         write("format", FORMAT)
@@ -69,7 +69,7 @@ def write_map(
         for name in LENGTHS:
             write(name, getattr(surface.grid, name))
         for name, dtype in COLUMNS.items():
-            with _member(archive, name) as member:
+            with array_member(archive, name) as member:
                 _write_column(member, dtype, surface.size, column_of(surface, name))
         write("frame_id", surface.grid.frame_id)
         write("route", surface.route)
@@ -78,7 +78,8 @@ def write_map(
             write(f"free_{name}", column)
 
 
-def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
+def array_member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
+    """Open a new array of an .npz file for writing; the same arrays give the same bytes."""
     return archive.open(zipfile.ZipInfo(f"{name}.npy", _EPOCH), "w", force_zip64=True)
 
 

@@ -1,0 +1,156 @@
+"""The layers of a map in files: arrays of numpy, NetCDF, and GeoTIFF."""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from collections.abc import Callable
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from mlscli.errors import UsageError, expect, expect_path, one_line
+from mlscli.io.writing.atomic import atomic_write, refuse_existing
+from mlscli.io.writing.npz import array_member
+from mlscli.maps.recorded import turn_of
+from mlscli.maps.surface_map import SurfaceMap
+from mlscli.rasters.layers import LAYERS, Layers, layers_of
+from mlscli.version import __version__
+
+Kind: TypeAlias = Literal["npz", "netcdf", "geotiff"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+NO_RASTERIO = "needs rasterio, which is not installed: pip install 'mlscli[geo]'"
+
+
+def write_layers(
+    path: str | os.PathLike[str],
+    surface: SurfaceMap,
+    kind: str,
+    *,
+    crs: str | None = None,
+    overwrite: bool = False,
+) -> Layers:
+    """Write the layers of a map, float64 each, as `mlscli.rasters.layers.LAYERS` lists them.
+
+    Parameters
+    ----------
+    path
+    surface : SurfaceMap
+    kind : {"npz", "netcdf", "geotiff"}
+        Arrays of numpy, with ``x`` and ``y``, the middles of the cells; NetCDF (classic, with
+        64-bit offsets) of the same; or a GeoTIFF with a band for each layer, which needs rasterio.
+    crs : str, optional
+        Of a GeoTIFF: the coordinate reference system of the map frame, as ``EPSG:32632``.
+    overwrite : bool
+
+    Returns
+    -------
+    Layers
+        What was written.
+
+    Raises
+    ------
+    UsageError
+        Where the map is empty, or too wide for a raster; `crs` is none, is given for another kind,
+        or for a map whose axes are not those of its recording; or rasterio is missing.
+    OutputError
+        Where the file exists and `overwrite` is False, or cannot be written.
+    """
+    expect_path(path, "path", "the file to write")
+    expect(kind, str, "kind", f"one of {', '.join(KINDS)}")
+    expect(crs, (str, type(None)), "crs", "the name of a reference system, as EPSG:32632")
+    if kind not in KINDS:
+        raise UsageError(f"`kind`: is {kind!r}; expected one of {', '.join(KINDS)}")
+    if crs is not None and kind != "geotiff":
+        raise UsageError(f"`crs`: {kind} does not take it; geotiff does")
+    refuse_existing(path, overwrite=overwrite)
+    layers = layers_of(surface)
+    content = {"npz": _npz, "netcdf": _netcdf}.get(kind, _geotiff(crs))(layers, surface)
+    with atomic_write(path, overwrite=overwrite) as stream:
+        stream.write(content)
+    return layers
+
+
+def _described(surface: SurfaceMap) -> dict[str, Any]:
+    return {"frame_id": surface.frame_id, "cell_size": surface.cell_size}
+
+
+def _npz(layers: Layers, surface: SurfaceMap) -> bytes:
+    arrays = {"x": layers.x, "y": layers.y, **layers.layers}
+    arrays |= {name: np.array(value) for name, value in _described(surface).items()}
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
+        for name, values in arrays.items():
+            with array_member(archive, name) as stream:
+                np.lib.format.write_array(stream, values, allow_pickle=False)
+    return content.getvalue()
+
+
+def _netcdf(layers: Layers, surface: SurfaceMap) -> bytes:
+    from scipy.io import netcdf_file
+
+    content = io.BytesIO()
+    file = netcdf_file(content, "w", version=2)
+    file.Conventions, file.source = "CF-1.8", f"mls {__version__}"
+    for name, value in _described(surface).items():
+        setattr(file, name, value)
+    for axis, values in (("y", layers.y), ("x", layers.x)):
+        file.createDimension(axis, len(values))
+        variable = file.createVariable(axis, "d", (axis,))
+        variable[:] = values
+        variable.axis, variable.long_name = axis.upper(), f"{axis} of the cells' middles"
+    for name, values in layers.layers.items():
+        variable = file.createVariable(name, "d", ("y", "x"))
+        variable[:] = values
+        variable.long_name = LAYERS[name]
+    file.flush()
+    written = content.getvalue()
+    file.close()
+    return written
+
+
+def _geotiff(crs: str | None) -> Callable[[Layers, SurfaceMap], bytes]:
+    def content(layers: Layers, surface: SurfaceMap) -> bytes:
+        try:
+            from rasterio import Affine
+            from rasterio.crs import CRS
+            from rasterio.errors import CRSError
+            from rasterio.io import MemoryFile
+        except ImportError:
+            raise UsageError(f"`kind`: geotiff {NO_RASTERIO}") from None
+        system = None
+        if crs is not None:
+            if (turn_of(surface.meta)[:3, :3] != np.eye(3)).any():
+                raise UsageError(
+                    f"`crs`: is {crs}, but the map was turned so that z is up: its x and y are not "
+                    "those of the recording"
+                )
+            try:
+                system = CRS.from_user_input(crs)
+            except CRSError as error:
+                raise UsageError(f"`crs`: is {crs!r}, which is none: {one_line(error)}") from None
+        extent, size = layers.extent, layers.cell_size
+        corner = extent.min_x * size, (extent.min_y + extent.height) * size
+        with MemoryFile() as memory:
+            with memory.open(
+                driver="GTiff",
+                width=extent.width,
+                height=extent.height,
+                count=len(layers.layers),
+                dtype="float64",
+                nodata=np.nan,
+                crs=system,
+                transform=Affine(size, 0.0, corner[0], 0.0, -size, corner[1]),
+                compress="deflate",
+                bigtiff="if_safer",
+            ) as file:
+                file.update_tags(**{name: str(each) for name, each in _described(surface).items()})
+                for band, (name, values) in enumerate(layers.layers.items(), 1):
+                    file.write(values[::-1], band)
+                    file.set_band_description(band, name)
+                    file.update_tags(band, long_name=LAYERS[name])
+            return bytes(memory.read())
+
+    return content
