@@ -2,7 +2,7 @@
 
 This is the only place that exits. Errors are a line each on standard error. Exit statuses: 0 done,
 1 the work failed, 2 wrong usage or configuration, 3 done, but part of the input could not be read,
-130 and 143 interrupted.
+4 the map cannot tell, 130 and 143 interrupted.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ COMMANDS = {
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
     "query": ("mlscli.commands.query", "Say what a map holds at places."),
     "merge": ("mlscli.commands.merge", "Merge maps of several flights."),
+    "clearance": ("mlscli.commands.clearance", "Say whether a craft fits along a way."),
     "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth or a scan."),
     "synth": ("mlscli.commands.synth", "Make a synthetic flight, and its exact truth."),
     "bench": (

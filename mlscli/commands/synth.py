@@ -29,7 +29,10 @@ ENDINGS: dict[str, Kind] = {
 }  # fmt: skip
 
 # What makes a scene and its truth; and what goes with a scan, beside how it is read.
-_OF_SCENES = "type_", "file", "add_param", "size", "grid", "cell_size", "gap_size", "thickness"
+_OF_SCENES = (
+    *("type_", "file", "add_param", "size", "grid", "cell_size", "gap_size", "thickness"),
+    "anew",
+)
 _OF_SCANS = "features", "legs", "survey"
 
 
@@ -94,6 +97,11 @@ _OF_SCANS = "features", "legs", "survey"
     "--seed", type=int, default=0, show_default=True, metavar="N", help="Of all that is chance."
 )
 @click.option("--all-points", is_flag=True, help="Record every point, seen or not.")
+@click.option(
+    "--anew",
+    is_flag=True,
+    help="The survey and each leg find their points anew; by default a point is found once.",
+)
 @click.option(
     "--route-height",
     type=float,
@@ -162,6 +170,7 @@ def command(
     holes: tuple[float, float],
     seed: int,
     all_points: bool,
+    anew: bool,
     route_height: float | None,
     survey: bool | None,
     legs: str | None,
@@ -215,7 +224,7 @@ def command(
     else:
         scene = _scene(type_, file, add_param, size)
         grids = (cell_size, gap_size, cell_size if thickness is None else thickness)
-        account = _over_scene(scene, grids, written, grid=grid, **flown)
+        account = _over_scene(scene, grids, written, grid=grid, anew=anew, **flown)
     account["seconds"] = time.perf_counter() - begin
     click.echo(json.dumps(account, indent=2) if as_json else _text(account))
     return PARTLY_READ if account.get("lost") else 0

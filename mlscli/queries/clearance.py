@@ -89,8 +89,13 @@ class Clearance:
 
     @property
     def narrowest(self) -> int:
-        """The piece on which the craft comes nearest to an obstacle, the first of several."""
-        return int(np.argmin(self.distance))
+        """The piece on which the craft comes nearest to an obstacle.
+
+        Of several, as under a level deck, the middle one of the first that follow one another.
+        """
+        nearest = np.flatnonzero(self.distance == self.distance.min())
+        ends = np.flatnonzero(np.diff(nearest) > 1)
+        return int(nearest[(ends[0] if len(ends) else len(nearest) - 1) // 2])
 
     @cached_property
     def stretches(self) -> list[Stretch]:

@@ -16,7 +16,7 @@ from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Float64, Int32
 from mlscli.runtime.tree import Tree
 from mlscli.scenes.noise import Chances, Noise, displace, scatter_outliers
-from mlscli.scenes.route import CameraPoses, Site, fly_route
+from mlscli.scenes.route import CameraPoses, Site, fly_route, joined, poses_along, survey
 from mlscli.scenes.sampling import Samples, outside_holes, sample
 from mlscli.scenes.surfaces import Scene
 
@@ -120,6 +120,7 @@ def fly(
     holes: tuple[int, float] = (0, 0.0),
     seed: int = 0,
     visibility: bool = True,
+    anew: bool = False,
 ) -> Flight:
     """Fly over a scene.
 
@@ -139,6 +140,9 @@ def fly(
     visibility : bool
         Whether only points that a keyframe sees are recorded. Otherwise all points are, each by
         the nearest keyframe, as in the thesis's artificial clouds.
+    anew : bool
+        Whether the survey and each of the scene's legs find their points anew, each with its own
+        error, as a craft does that looks again. Otherwise a point is found once.
 
     Raises
     ------
@@ -151,24 +155,34 @@ def fly(
     check(scene, noise, holes, seed)
     reach = craft.reach(scene)
     chances = Chances(seed)
-    poses = fly_route(scene, craft.above(scene))
+    height = craft.above(scene)
+    legs = [survey(scene, height), *([leg] for leg in scene.legs)] if anew else []
+    flights = [poses_along(leg, height) for leg in legs] or [fly_route(scene, height)]
     samples = _with_features(scene, sample(scene, grid), holes, chances)
-    if visibility:
-        from mlscli.scenes.visibility import first_seen
-
-        keyframe = first_seen(
-            scene,
-            samples.xyz,
-            samples.surface,
-            poses.position,
-            poses.direction,
-            craft.cosine,
-            reach,
+    keyframes, flown = [], 0
+    for poses in flights:
+        found = (
+            _found(scene, samples, poses, craft.cosine, reach)
+            if visibility
+            else nearest(samples.xyz, poses)
         )
-    else:
-        keyframe = nearest(samples.xyz, poses)
-    sigma = _sigmas(scene, noise)[samples.surface]
-    return Flight(scene, *recorded(scene, samples.xyz, keyframe, poses, sigma, noise, chances))
+        keyframes.append(np.where(found < 0, found, found + np.int32(flown)))
+        flown += len(poses.yaw)
+    xyz = np.tile(samples.xyz, (len(flights), 1))
+    sigma = _sigmas(scene, noise)[np.tile(samples.surface, len(flights))]
+    keyframe, route = np.concatenate(keyframes), joined(flights)
+    return Flight(scene, *recorded(scene, xyz, keyframe, route, sigma, noise, chances))
+
+
+def _found(
+    scene: Scene, samples: Samples, poses: CameraPoses, cosine: float, reach: float
+) -> Int32:
+    """Return the number of the pose that first sees each sample, int32 (N,); -1: none."""
+    from mlscli.scenes.visibility import first_seen
+
+    return first_seen(
+        scene, samples.xyz, samples.surface, poses.position, poses.direction, cosine, reach
+    )
 
 
 def check(site: Site, noise: Noise, holes: tuple[int, float], seed: int) -> None:

@@ -116,6 +116,16 @@ def poses_along(legs: Iterable[Leg], height: float) -> CameraPoses:
     return _along(legs, step)
 
 
+def joined(routes: Iterable[CameraPoses]) -> CameraPoses:
+    """Return the poses of several routes, one after another."""
+    routes = list(routes)
+    return CameraPoses(
+        np.concatenate([route.position for route in routes]),
+        np.concatenate([route.yaw for route in routes]),
+        np.concatenate([route.tilt for route in routes]),
+    )
+
+
 def survey(site: Site, height: float) -> list[Leg]:
     """Return parallel lanes over a site, flown in turns there and back, looking straight down.
 

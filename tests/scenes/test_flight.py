@@ -116,6 +116,26 @@ def test_points_belong_to_the_first_keyframe_that_sees_them() -> None:
     assert len(set(stamps)) > 20
 
 
+def test_the_survey_and_each_leg_may_find_their_points_anew() -> None:
+    scene = make("bridge", 1.2)
+    parts = [replace(scene, legs=()), *(replace(scene, legs=(leg,)) for leg in scene.legs)]
+    flight = fly(scene, 0.2, EXACT, anew=True)
+    once = {tuple(point) for point in all_points(fly(scene, 0.2, EXACT)).tolist()}
+    assert {tuple(point) for point in all_points(flight).tolist()} == once
+    # Without legs, it is the survey's flight; and what a leg finds does not depend on the others.
+    assert same(fly(parts[0], 0.2, EXACT, anew=True), fly(parts[0], 0.2, EXACT))
+    of_survey = fly(parts[0], 0.2, EXACT).points
+    of_legs = [fly(part, 0.2, EXACT, anew=True).points - of_survey for part in parts[1:]]
+    assert flight.points == of_survey + sum(of_legs)
+    assert min(of_legs) > 0
+    stamps = [keyframe.stamp for keyframe in flight.keyframes]
+    assert stamps == sorted(set(stamps))
+    poses = fly_route(scene, 1.5)
+    for keyframe in flight.keyframes:
+        number = round((keyframe.stamp - 1_700_000_000) / 0.5)
+        assert keyframe.position == tuple(poses.position[number])
+
+
 def test_keyframes_tell_when_and_where_and_how_the_craft_was() -> None:
     scene = make("bridge")
     flight, poses = fly(scene, 0.2, EXACT), fly_route(scene, 1.5)

@@ -262,6 +262,32 @@ class BagWriter:
         )
         self._writer.write(self._connections[topic], stamp, data)
 
+    def lines(
+        self,
+        topic: str,
+        stamp: int,
+        frame_id: str,
+        vertices: Float64,
+        colours: UInt8,
+        ends: Int32,
+        width: float,
+    ) -> None:
+        """Write a marker that lists lines; not for ROS 1.
+
+        Parameters
+        ----------
+        topic, stamp, frame_id, vertices, colours
+            As for `triangles`.
+        ends : int32 (L, 2)
+            Indices of vertices.
+        width : float
+            How wide lines are drawn, in the unit of the vertices.
+        """
+        data = self._triangle_lists.serialized(
+            self._header(stamp, frame_id), topic, vertices, colours, ends, width
+        )
+        self._writer.write(self._connections[topic], stamp, data)
+
     def _new(self, type_: str, **fields: Any) -> Any:
         return self._types[type_](**fields)
 

@@ -1,4 +1,4 @@
-"""Serialize markers that list triangles, from arrays.
+"""Serialize markers that list triangles or lines, from arrays.
 
 A marker holds a point and a colour for every corner. As objects, those of a large mesh would take
 seconds for every message. Here the fields before and after them are serialized as two messages of
@@ -21,7 +21,9 @@ from mlscli.runtime.arrays import Array, Float64, Int32, UInt8
 MARKER_TYPE = "visualization_msgs/msg/Marker"
 
 _BEGIN, _END = "mls_msgs/msg/MarkerBegin", "mls_msgs/msg/MarkerEnd"
-_TRIANGLE_LIST, _ADD, _DELETE = 11, 0, 2
+# Types of markers, by the corners that an element has.
+_LISTS = {2: 5, 3: 11}
+_ADD, _DELETE = 0, 2
 _HEADER = 4  # bytes before the message; alignment counts from their end
 
 
@@ -37,11 +39,17 @@ class TriangleLists:
         self._types: Any = store.types
 
     def serialized(
-        self, header: Any, name: str, vertices: Float64, colours: UInt8, triangles: Int32
+        self,
+        header: Any,
+        name: str,
+        vertices: Float64,
+        colours: UInt8,
+        elements: Int32,
+        width: float = 1.0,
     ) -> bytes:
-        """Return a serialized marker that lists triangles.
+        """Return a serialized marker that lists triangles or lines.
 
-        Without triangles it deletes the marker of that name: RViz calls an empty one an error.
+        Without elements it deletes the marker of that name: RViz calls an empty one an error.
 
         Parameters
         ----------
@@ -51,34 +59,37 @@ class TriangleLists:
         vertices : float64 (V, 3)
         colours : uint8 (V, 3)
             Red, green, blue of each vertex.
-        triangles : int32 (T, 3)
-            Indices of vertices.
+        elements : int32 (E, 3) or (E, 2)
+            Indices of vertices: the corners of triangles, or the ends of lines.
+        width : float
+            How wide lines are drawn, in the unit of the vertices.
         """
-        corner = triangles.ravel()
+        corner = elements.ravel()
         tints = np.ones((len(corner), 4), dtype="<f4")
         tints[:, :3] = colours[corner] / 255
         action = _ADD if len(corner) else _DELETE
-        data = bytearray(self._store.serialize_cdr(self._before(header, name, action), _BEGIN))
+        before = self._before(header, name, elements.shape[1], action, width)
+        data = bytearray(self._store.serialize_cdr(before, _BEGIN))
         _append_sequence(data, vertices[corner].astype("<f8"))
         _append_sequence(data, tints)
         # The offset is a multiple of four, and nothing that follows is aligned to eight bytes.
         data += self._store.serialize_cdr(self._after(header), _END)[_HEADER:]
         return bytes(data)
 
-    def _before(self, header: Any, name: str, action: int) -> Any:
+    def _before(self, header: Any, name: str, corners: int, action: int, width: float) -> Any:
         return self._new(
             _BEGIN,
             header=header,
             ns=name,
             id=0,
-            type=_TRIANGLE_LIST,
+            type=_LISTS[corners],
             action=action,
             pose=self._new(
                 "geometry_msgs/msg/Pose",
                 position=self._new("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0),
                 orientation=self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
             ),
-            scale=self._new("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0),
+            scale=self._new("geometry_msgs/msg/Vector3", x=width, y=1.0, z=1.0),
             color=self._new("std_msgs/msg/ColorRGBA", r=1.0, g=1.0, b=1.0, a=1.0),
             lifetime=self._new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
             frame_locked=False,
