@@ -1,15 +1,17 @@
 """A map as one page for the browser, complete in itself: markup, style, program and data.
 
 The data are arrays, laid one after the other at multiples of eight bytes, deflated and written in
-base64; a header in JSON says where each begins and what it is. Whole numbers that ascend or lie
-close together are stored as differences, which compress well. Coordinates are float32, relative to
-an origin in the middle of the map: no visible precision is lost, even in UTM coordinates.
+base64; a header in JSON says where each begins and what it is. Coordinates are whole numbers of
+small steps from an origin in the middle of the map: no visible precision is lost, even in UTM
+coordinates. Whole numbers that ascend or lie close together are stored as differences, which
+compress well. What follows from the patches is not stored: their places as points and lines.
 """
 
 from __future__ import annotations
 
 import base64
 import json
+import math
 import os
 import zlib
 from importlib import resources
@@ -22,7 +24,7 @@ from mlscli.io.writing.atomic import atomic_write
 from mlscli.keyframes.keyframe import require_points
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, height_scale
-from mlscli.runtime.arrays import Array, Float64
+from mlscli.runtime.arrays import Array, Float64, Int64
 from mlscli.view.colourings import colourings
 from mlscli.view.layers import Picture, picture
 
@@ -51,6 +53,9 @@ _TYPES = {"i4": "Int32Array", "u4": "Uint32Array", "u1": "Uint8Array", "f4": "Fl
 
 # Browsers limit the length of a string to 2^29 characters or somewhat less.
 _LARGEST_BYTES = 400_000_000
+
+# Steps that places on the mesh are stored in, of a cell.
+_STEPS = 1024
 
 # The first view holds the patches between these percentiles, not every stray one.
 _PLACE_PERCENTILES = (1, 99)
@@ -129,24 +134,25 @@ def _filled(header: dict[str, Any], data: bytes) -> bytes:
 def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, Any], bytes]:
     """Return the header and the data in base64."""
     pieces = _Pieces()
-    place = shown.vertices["patches"].position
-    low, high = _box(place)
+    cell_size = surface.cell_size
+    low, high = _box(shown.vertices["patches"].position)
     origin = (low + high) / 2
-    with np.errstate(over="ignore"):
-        vertices = {
-            name: {
-                "position": pieces.add((position - origin).astype("<f4")),
-                "colour": pieces.add(colour),
-            }
-            | ({} if patch is None else {"patch": pieces.add_differences(patch)})
-            for name, (position, colour, patch) in shown.vertices.items()
-        }
+    # Numbers are told with so many digits behind the point, and stored with one more.
+    digits = max(0, min(6, 2 - math.floor(math.log10(cell_size))))
+    told = 10.0 ** -(digits + 1)
+    vertices = {}
+    for name, (position, colour, patch) in shown.vertices.items():
+        vertices[name] = {"colour": pieces.add(colour)}
+        if patch is not None:
+            vertices[name]["patch"] = pieces.add_differences(patch)
+        if name != "patches":
+            vertices[name]["position"] = pieces.add_steps(position - origin, cell_size / _STEPS)
     layers = [
         {
             "name": layer.name,
             "vertices": layer.vertices,
             "corners": layer.elements.shape[1],
-            "elements": pieces.add_differences(layer.elements),
+            "elements": pieces.add_elements(layer.elements),
             "when": pieces.add_differences(layer.when),
             "shown": layer.shown,
         }
@@ -156,10 +162,12 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
         name: pieces.add_differences(getattr(surface, name))
         for name in ("ix", "iy", "first_keyframe", "last_keyframe")
     }
-    patches |= {
-        name: pieces.add(getattr(surface, name))
-        for name in ("height", "depth", "origin", "moved", "count")
-    }
+    patches |= {name: pieces.add(getattr(surface, name)) for name in ("origin", "moved", "count")}
+    patches["height"] = pieces.add_steps(surface.height - origin[2], told)
+    # What is vertical stays so, however low it is.
+    upright = surface.depth > 0
+    depth = np.where(upright, np.maximum(surface.depth, told), 0.0)
+    patches["depth"] = pieces.add_steps(depth, told)
     ways = [
         {
             "name": way.name,
@@ -175,7 +183,8 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
     header = {
         "title": title,
         "frame": surface.frame_id,
-        "cell_size": surface.cell_size,
+        "cell_size": cell_size,
+        "digits": digits,
         "origin": origin.tolist(),
         "box": [(low - origin).tolist(), (high - origin).tolist()],
         "scale": [int(channel) for channel in height_scale()[::15].ravel()],
@@ -200,10 +209,12 @@ def _box(place: Float64) -> tuple[Float64, Float64]:
 
 
 class _Pieces:
-    """Arrays one after the other, each described by a row: type, begin, length, columns.
+    """Arrays one after the other, each described by a row for the header.
 
-    `begin` counts bytes, `length` elements. `columns` is the number of columns of an array that is
-    stored as differences from row to row; 0: the numbers are stored as they are.
+    A row has the `type` of an array, where it `begin`s in bytes, and its `length` in elements.
+    Where it has `columns`, differences are stored, of each row of so many from the one before;
+    `fan`: of all columns but the first from that. Where it has a `step`, its numbers are whole ones
+    times that.
     """
 
     def __init__(self) -> None:
@@ -211,22 +222,42 @@ class _Pieces:
         self._chunks: list[bytes] = []
         self._size = 0
 
-    def add(self, array: Array, differences: int = 0) -> list[str | int]:
-        """Add an array and return the row that describes it, with `differences` as its columns."""
+    def add(self, array: Array, **how: Any) -> dict[str, Any]:
+        """Add an array as it is, and return the row that describes it."""
         array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
-        row: list[str | int] = [_TYPES[array.dtype.str[1:]], self._size, array.size, differences]
+        row = {"type": _TYPES[array.dtype.str[1:]], "begin": self._size, "length": array.size}
         content = array.tobytes()
         padding = b"\0" * (-len(content) % 8)
         self._chunks.append(self._compress.compress(content + padding))
         self._size += len(content) + len(padding)
-        return row
+        return row | how
 
-    def add_differences(self, array: Array) -> list[str | int]:
+    def add_differences(self, array: Array, **how: Any) -> dict[str, Any]:
         """Add integers (N,) or (N, C) within int32, each as its difference from the row before."""
         # A difference may wrap around; the sum then wraps back.
         whole = array.astype(np.int32)
         steps = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
-        return self.add(steps, differences=1 if whole.ndim == 1 else whole.shape[1])
+        return self.add(steps, columns=1 if whole.ndim == 1 else whole.shape[1], **how)
+
+    def add_steps(self, numbers: Float64, step: float) -> dict[str, Any]:
+        """Add numbers (N,) or (N, C), rounded to steps; as float32, where there are too many."""
+        whole = np.rint(numbers / step)
+        if np.abs(whole).max(initial=0) < 2**31:
+            return self.add_differences(whole, step=step)
+        with np.errstate(over="ignore"):
+            return self.add(numbers.astype(np.float32))
+
+    def add_elements(self, elements: Int64) -> dict[str, Any]:
+        """Add the corners of elements (E, K): the first one's differences, the others' from it."""
+        corners = elements.shape[1]
+        if corners == 3:
+            # Whichever corner comes first, the triangle is the same.
+            turn = (elements.argmin(axis=1)[:, None] + np.arange(3)) % 3
+            elements = np.take_along_axis(elements, turn, axis=1)
+        fan = elements.copy()
+        fan[:, 1:] -= elements[:, :1]
+        fan[:, 0] = np.diff(elements[:, 0], prepend=0)
+        return self.add(fan.astype(np.int32), columns=corners, fan=True)
 
     def packed(self) -> bytes:
         """Return all arrays, deflated, in base64; nothing can be added after this."""

@@ -8,12 +8,14 @@ from what is seen, so the view is from below, too, and layers are hidden under t
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mlscli.errors import OutputError
+from mlscli.maps.merging import merge_maps
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array
 from mlscli.view.page import write_page
@@ -315,3 +317,38 @@ def test_an_existing_page_is_kept(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="exists already"):
         write_page(path, crossing())
     assert path.read_text() == "mine"
+
+
+def test_a_stray_patch_far_away_costs_nothing_of_what_is_near(
+    browser: Browser, tmp_path: Path
+) -> None:
+    # Too far for steps of a cell's thousandth to be counted.
+    stray = map_of([Patch(2**30, 0, 1e6, 0.0, 0, 1)])
+    surface = merge_maps(replace(crossing(), frame_id=stray.frame_id), stray)
+    page = opened(browser, tmp_path / "stray.html", surface)
+    page.key("t")
+    x, y = middle(page)
+    told = readout(page, x + 150, y)
+    assert told["height"] == pytest.approx(ground(int(np.floor(told["x"] / CELL))), abs=1e-3)
+    assert page.errors == []
+
+
+def test_heights_and_depths_are_told_to_the_last_digit(browser: Browser, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    heights, depths = rng.uniform(-9, 9, (2, 400))
+    depths[::2] = 0
+    depths[1] = 1e-9
+    patches = [
+        Patch(i % 20, i // 20, float(height), float(abs(depth)), 0, 1)
+        for i, (height, depth) in enumerate(zip(heights, depths, strict=True))
+    ]
+    surface = map_of(patches)
+    page = opened(browser, tmp_path / "map.html", surface)
+    script = (resources.files("mlscli.view") / "web" / "data.js").read_text(encoding="utf-8")
+    told = page.evaluate(
+        f"(() => {{ {script}; return load().then((map) => "
+        "[[...map.patches.height], [...map.patches.depth]]); })()"
+    )
+    assert told[0] == pytest.approx(surface.height, abs=5e-5 + 1e-9)
+    assert told[1] == pytest.approx(surface.depth, abs=1e-3)
+    assert [depth > 0 for depth in told[1]] == (surface.depth > 0).tolist()

@@ -14,8 +14,7 @@ async function main() {
     detail: null,
   };
   const detail = new Detail();
-  const digits = Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(map.cell_size))));
-  const number = (value) => value.toFixed(digits);
+  const number = (value) => value.toFixed(map.digits);
   const redraw = () => { state.dirty = true; };
   const ask = () => { state.asked = true; };
   const page = { map, canvas, scene, camera, state, redraw, ask, number };
