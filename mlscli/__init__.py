@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mlscli.io.writing.pcd import write_pcd
     from mlscli.io.writing.ply import write_ply
     from mlscli.io.writing.raster import write_layers
+    from mlscli.io.writing.sdf import write_sdf
     from mlscli.maps.grid import Grid
     from mlscli.maps.merging import merge_maps
     from mlscli.maps.space import space_at
@@ -72,6 +73,7 @@ __all__ = [
     "write_pcd",
     "write_ply",
     "write_replay",
+    "write_sdf",
 ]
 
 _HOMES = {
@@ -105,6 +107,7 @@ _HOMES = {
     "write_pcd": ("mlscli.io.writing.pcd", "write_pcd"),
     "write_ply": ("mlscli.io.writing.ply", "write_ply"),
     "write_replay": ("mlscli.view.replay", "write_replay"),
+    "write_sdf": ("mlscli.io.writing.sdf", "write_sdf"),
 }
 
 

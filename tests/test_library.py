@@ -201,6 +201,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "write_layers": (mlscli.write_layers, {"path": "a", "surface": SURFACE, "kind": "npz"}),
     "to_pandas": (mlscli.to_pandas, {"surface": SURFACE}),
     "to_xarray": (mlscli.to_xarray, {"surface": SURFACE}),
+    "write_sdf": (mlscli.write_sdf, {"path": "a.sdf", "mesh": SURFACE}),
     "write_page": (mlscli.write_page, {"path": "a", "surface": SURFACE}),
     "write_replay": (mlscli.write_replay, {"path": "a", "surface": SURFACE, "changes": []}),
     "open_replay": (enter(mlscli.open_replay), {"path": "a"}),

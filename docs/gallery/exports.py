@@ -14,18 +14,21 @@ from typing import Any
 
 import laspy
 import numpy as np
+import trimesh
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 from rosbags.highlevel import AnyReader
 
 from benchmarks import figures
 from docs.gallery.make import CAPTION, WIDTH, hamlet, pixels, save
-from docs.gallery.render import View
+from docs.gallery.render import View, render
 from mlscli.config import load
 from mlscli.io.writing.grid_map import TYPE, write_grid_map
 from mlscli.io.writing.las import write_las
 from mlscli.io.writing.nav2 import write_nav2
 from mlscli.io.writing.octomap import write_octomap
+from mlscli.io.writing.sdf import write_sdf
+from mlscli.mesh import Mesh
 from mlscli.rasters.robot import Robot
 from mlscli.runtime.arrays import Array, UInt8
 from mlscli.scenes.flight import fly
@@ -105,6 +108,20 @@ def layers() -> None:
     save("layers", pixels(figure))
 
 
+def gazebo() -> None:
+    """Draw the mesh of a world, as trimesh reads it, where the world has it."""
+    with tempfile.TemporaryDirectory() as folder:
+        world = write_sdf(Path(folder, "hamlet.sdf"), hamlet())
+        found = trimesh.load_mesh(world.files[1], process=False)
+    vertices = np.asarray(found.vertices) + world.place
+    colours = np.full((len(vertices), 3), (196, 178, 140), dtype=np.uint8)
+    of = np.zeros(len(vertices), dtype=np.int32)
+    lines, points = np.empty((0, 2), dtype=np.int32), np.empty(0, dtype=np.int32)
+    faces = np.asarray(found.faces, np.int32)
+    mesh = Mesh(vertices, colours, of.astype(np.uint8), faces, lines, points, of)
+    save("gazebo", render(mesh, WIDTH * 2 // 3, View(68, 30)))
+
+
 def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -> UInt8:
     """Return a picture of what a tree holds at places: black, white, and grey where unknown."""
     image = np.full((len(places), len(places[0])), 160, dtype=np.uint8)
@@ -115,7 +132,7 @@ def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -
     return image
 
 
-ALL: Sequence[Callable[[], None]] = (nav2, octomap, pointcloud, layers)
+ALL: Sequence[Callable[[], None]] = (nav2, octomap, pointcloud, layers, gazebo)
 
 
 def tiled(images: Sequence[tuple[str, Array]], columns: int = 2) -> UInt8:

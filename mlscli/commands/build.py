@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # Endings of other formats, which would mislead other programs.
 _NO_MAPS = (
     *(".ply", ".obj", ".glb", ".mcap", ".bag", ".pcd", ".las", ".laz", ".html", ".png"),
-    *(".yaml", ".yml", ".bt", ".nc", ".tif", ".tiff"),
+    *(".yaml", ".yml", ".bt", ".nc", ".tif", ".tiff", ".sdf", ".world"),
 )
 
 

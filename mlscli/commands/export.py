@@ -104,7 +104,8 @@ def command(source: str | None, as_json: bool, **options: Any) -> None:
     Foxglove Studio and RViz. nav2 is what map_server reads, an image and a YAML file for each
     storey (NAME.1.yaml, ...) on which a robot can drive, or for a flying height; octomap is a .bt
     file of occupied, free and unknown space. pcd and las are its patches as points with fields;
-    grid-map is a message of grid_map in MCAP; npz, netcdf and geotiff are layers by cell.
+    grid-map is a message of grid_map in MCAP; npz, netcdf and geotiff are layers by cell;
+    sdf is a world for Gazebo, with its mesh (.obj, .mtl) beside it.
     """
     map_file = Path(source) if source is not None else the_one_map()
     output = options["output"]

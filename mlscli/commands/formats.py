@@ -217,6 +217,29 @@ def _layers(order: Order) -> Written:
     return Written([line], told, notes)
 
 
+def _sdf(order: Order) -> Written:
+    from mlscli.io.writing.sdf import write_sdf
+    from mlscli.mesh import MAX_SLOPE, build_mesh
+
+    options = order.options
+    slope = options["max_slope"]
+    mesh = build_mesh(
+        order.surface,
+        max_slope=MAX_SLOPE if slope is None else slope,
+        artificial=not options["no_artificial"],
+        colour=options["colour"],
+    )
+    world = write_sdf(order.target, mesh, overwrite=order.overwrite)
+    line = f"{order.target}: a world, {world.triangles} triangles in {world.files[1]}"
+    told = {"triangles": world.triangles, "place": world.place}
+    return Written([line], told | {"files": [str(file) for file in world.files]}, [])
+
+
+def _refuse_world(target: Path, options: dict[str, Any]) -> None:
+    for ending in (target.suffix, ".obj", ".mtl"):
+        _refuse_file(target.with_suffix(ending), options)
+
+
 # --- clouds ---
 
 
@@ -248,6 +271,9 @@ FORMATS = {
     "nav2": Format((".yaml", ".yml"), (*ROBOT, "flying_height", "least"), _nav2, _refuse_sheets),
     "octomap": Format((".bt",), ("no_artificial", "least"), _octomap, _refuse_file),
     "grid-map": Format((".mcap",), (), _grid_map, _refuse_file),
+    "sdf": Format(
+        (".sdf", ".world"), ("max_slope", "colour", "no_artificial"), _sdf, _refuse_world
+    ),
     "npz": Format((".layers.npz", ".npz"), (), _layers, _refuse_file),
     "netcdf": Format((".nc",), (), _layers, _refuse_file),
     "geotiff": Format((".tif", ".tiff"), ("crs",), _layers, _refuse_file),

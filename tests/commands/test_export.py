@@ -272,6 +272,16 @@ def test_layers_are_written_for_numpy_and_others(folder: Path) -> None:
     assert (named.stderr, json.loads(named.stdout)["columns"]) == ("", 29)
 
 
+def test_a_world_is_written_for_gazebo(folder: Path) -> None:
+    triangles = len(build_mesh(house()).triangles)
+    told = f"house.sdf: a world, {triangles} triangles in house.obj\n"
+    assert export("--format", "sdf").output == told
+    assert {file.suffix for file in folder.glob("house.*")} == {".npz", ".sdf", ".obj", ".mtl"}
+    assert "house.obj: exists already" in str(complaint("-o", "house.world"))
+    fewer = json.loads(export("-o", "b.sdf", "--no-artificial", "--json").stdout)
+    assert fewer["triangles"] < triangles
+
+
 @pytest.mark.usefixtures("folder")
 def test_options_of_other_formats_are_refused() -> None:
     for format_, options in (
