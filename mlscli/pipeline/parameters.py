@@ -79,6 +79,7 @@ DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
         "min_share": 0.4,
         "layer_share": 0.3,
         "max_slope": 2.0,
+        "across": Cells(0.75),
     },
     "orphans": {"horizontal": Cells(3), "vertical": Cells(1), "min_share": 0.03},
     "walls": {"join": Cells(2), "along": Cells(3), "support": 1},

@@ -41,13 +41,22 @@ _of_median: dict[str, Any] = {
     "min_nb": st.integers(0, 3),
     "recentre": st.sampled_from([0.0, 0.1, Cells(0.75)]),
 }
-_median = st.builds(Median, **_of_median) | st.builds(
-    Median,
-    **_of_median,
-    level=st.sampled_from([0.3, Cells(1)]),
-    min_share=st.sampled_from([0.0, 0.3]),
-    max_slope=st.sampled_from([0.0, 0.4, 2.0]),
-    layer_share=st.sampled_from([0.0, 0.3, 0.9]),
+_median = (
+    st.builds(Median, **_of_median)
+    | st.builds(
+        Median,
+        **_of_median,
+        level=st.sampled_from([0.3, Cells(1)]),
+        min_share=st.sampled_from([0.0, 0.3]),
+        max_slope=st.sampled_from([0.0, 0.4, 2.0]),
+        layer_share=st.sampled_from([0.0, 0.3, 0.9]),
+    )
+    | st.builds(
+        Median,
+        **_of_median,
+        max_slope=st.sampled_from([0.4, 2.0]),
+        across=st.sampled_from([0.3, 0.0]),
+    )
 )
 _orphans = st.builds(
     Orphans,

@@ -193,3 +193,26 @@ def rays(
                 beyond = np.median(on_surface)
         result[i] += (beyond if abs(beyond) <= window / 2 else np.nan) / steps * ahead[i]
     return result
+
+
+def aside(points: Points, nb_radius: float, max_nb: int, across: float) -> list[Point | None]:
+    """Return how far points of what stands upright move across it; None: a matter of rounding."""
+    moves: list[Point | None] = []
+    for place in points.xyz:
+        offsets = points.xyz - place
+        squared = (offsets * offsets).sum(axis=1)
+        others = np.sort(squared)[1:]
+        others = others[others <= nb_radius * nb_radius]
+        limit = others[: min(12, max_nb or 12)][-1]
+        x, y, _ = offsets[squared <= limit].T
+        variance, axes = np.linalg.eigh(np.cov(x, y))
+        offset = axes[:, 0] @ (x, y)
+        move = float(np.median(offset)) * axes[:, 0]
+        unsure = abs(variance[1] - 4 * variance[0]) < 1e-3 * variance[1]
+        if unsure or abs(np.hypot(*move) - across) < 1e-3:
+            moves.append(None)
+        elif variance[1] < 4 * variance[0] or np.hypot(*move) > across:
+            moves.append((0.0, 0.0, 0.0))
+        else:
+            moves.append((float(move[0]), float(move[1]), 0.0))
+    return moves

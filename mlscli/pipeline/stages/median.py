@@ -28,6 +28,10 @@ With `max_slope`, heights are compared along the slope on which the neighbours l
 they lie on no slope up to that one, along walls, trunks and poles, the point keeps its height: a
 median would move the ends of what is upright towards its middle.
 
+With `across`, it is moved sideways instead, across the wall: by the median of where the nearest of
+its neighbours lie, as `mlscli.pipeline.stages.upright` says, if that is no farther. Only points of
+which it is known how they err are moved: depths that err displace points sideways, too.
+
 Points that lie close together share one search: all candidates are collected once. Where only the
 nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours: even
 in a dense cloud, each point is compared with few others.
@@ -42,8 +46,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from mlscli.keyframes.batches import Points
+from mlscli.maps.cells import on_grid
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
+from mlscli.pipeline.stages.layers import stands_out
 from mlscli.pipeline.stages.nearest import (
     HEIGHT,
     ROOM,
@@ -56,6 +62,7 @@ from mlscli.pipeline.stages.nearest import (
 from mlscli.pipeline.stages.point_grid import PointGrid, columns_around, gather
 from mlscli.pipeline.stages.slope import carry
 from mlscli.pipeline.stages.stage import Evaluated, Fault, PointStage
+from mlscli.pipeline.stages.upright import aside
 from mlscli.runtime.arrays import Array, Bool, Float32, Float64, Int64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
@@ -66,8 +73,6 @@ _TOGETHER = 16
 _FIRST_MARGIN = 1.4
 # The search begins with no less than the radius divided by this.
 _NEAREST = 64
-# Layers this far above or below a point's own, and beyond, are one.
-_FARTHEST_LAYER = 31
 # The mask that stands for all points.
 _ALL = np.empty(0, dtype=np.bool_)
 
@@ -113,6 +118,12 @@ class Median(PointStage):
         low=0,
         high=1,
     )
+    across: Length = parameter(
+        0,
+        "a point that keeps its height, see max_slope, is moved across its wall by at most this, "
+        "and by at most nb_radius, if it is known how its depth errs; 0: it stays",
+        low=0,
+    )
 
     def faults(self, cell_size: float | None, gap_size: Length | None) -> Iterator[Fault]:  # noqa: ARG002
         """Yield a fault where no point could have enough neighbours, or a share means nothing."""
@@ -136,8 +147,10 @@ class Median(PointStage):
             )
 
     def reach(self, cell_size: float) -> int:
-        """Return the radius in whole cells, and one more: points can lie at their cells' edges."""
-        return whole_cells(self.nb_radius, cell_size) + 1
+        """Return the radius and how far points move, in whole cells; and one more, for edges."""
+        radius = in_units(self.nb_radius, cell_size)
+        across = min(in_units(self.across, cell_size), radius)
+        return whole_cells(radius + across, cell_size) + 1
 
     def evaluate(
         self,
@@ -147,10 +160,14 @@ class Median(PointStage):
         progress: Callable[[int], None] | None = None,
     ) -> Evaluated:
         """Return the median heights of points; see `PointStage.evaluate`."""
-        height, looked, noise = self._heights(points, cell_size, asked, progress)
+        height, looked, noise, moves = self._heights(points, cell_size, asked, progress)
         # Only now, as the search takes memory, too.
         xyz = points.xyz.copy()
         xyz[:, 2] = height
+        if len(moves):
+            xyz[:, :2] += moves
+            outside = np.flatnonzero(~on_grid(xyz, cell_size))
+            xyz[outside, :2] = points.xyz[outside, :2]
         return Evaluated(xyz, looked, noise)
 
     def _heights(
@@ -159,8 +176,11 @@ class Median(PointStage):
         cell_size: float,
         asked: Bool | None,
         progress: Callable[[int], None] | None,
-    ) -> tuple[Float64, Float64, Float32]:
-        """Return the heights of points, NaN where dropped, how far was looked, and their noise."""
+    ) -> tuple[Float64, Float64, Float32, Float64]:
+        """Return the heights of points, NaN where dropped, how far was looked, their noise, moves.
+
+        Moves in x and y are float64 (N, 2), or (0, 2) where none is known to move.
+        """
         rule = Rule(
             in_units(self.nb_radius, cell_size),
             self.max_nb,
@@ -170,18 +190,22 @@ class Median(PointStage):
             float(self.min_share),
             float(self.max_slope),
             float(self.layer_share),
+            min(in_units(self.across, cell_size), in_units(self.nb_radius, cell_size)),
         )
+        known = rule.across > 0.0 and not np.isnan(points.noise).all()
+        moves = np.zeros((points.size if known else 0, 2))
         grid = PointGrid.of(points.xyz, rule.radius)
         height, noise = np.empty(points.size), np.empty(points.size, dtype=np.float32)
         which = _ALL if asked is None else asked
         looked = np.empty(len(which))
 
         def filter_points(begin: int, end: int) -> None:
-            _filter(grid, *grid.columns(begin, end), rule, which, height, looked, noise)
+            columns = grid.columns(begin, end)
+            _filter(grid, *columns, rule, which, points.noise, height, looked, noise, moves)
 
         in_ranges(points.size, filter_points, progress)
         _add(points.noise, noise)
-        return height, looked, noise
+        return height, looked, noise, moves
 
 
 class Rule(NamedTuple):
@@ -203,6 +227,8 @@ class Rule(NamedTuple):
         The steepest slope along which heights are compared; 0: along none.
     layer_share : float
         The share of the mean layer around it that is enough in its own to keep it; 0: none is.
+    across : float
+        How far at most a point of what stands upright is moved across it.
     """
 
     radius: float
@@ -213,6 +239,7 @@ class Rule(NamedTuple):
     min_share: float
     max_slope: float
     layer_share: float
+    across: float
 
 
 @kernel
@@ -222,9 +249,11 @@ def _filter(
     end: int,
     rule: Rule,
     asked: Bool,
+    known: Float32,
     height: Float64,
     looked: Float64,
     errors: Float32,
+    moves: Float64,
 ) -> None:
     """Filter those points of columns `begin` to `end` that are asked for.
 
@@ -237,12 +266,16 @@ def _filter(
     rule : Rule
     asked : bool (N,)
         The points to filter; empty: all.
+    known : float32 (N,)
+        The variances of their errors as known before; NaN: not known.
     height : float64 (N,)
         Receives the new heights; NaN: dropped.
     looked : float64 (N,)
         Receives the squares of how far the search went; not used where `asked` is empty.
     errors : float32 (N,)
         Receives the variances of the medians' errors, and what `_add` reads; NaN: not known.
+    moves : float64 (N, 2)
+        Receives how far points move in x and y; empty: none does.
     """
     fine = grid.fine
     near = np.empty((ROWS, ROOM))
@@ -256,7 +289,7 @@ def _filter(
                 if _any_asked(asked, grid.order, first, last):
                     near, reached = _filter_together(
                         grid, around, first, last, rule, reached, near,
-                        asked, height, looked, errors,
+                        asked, known, height, looked, errors, moves,
                     )  # fmt: skip
 
 
@@ -287,9 +320,11 @@ def _filter_together(
     reached: float,
     near: Float64,
     asked: Bool,
+    known: Float32,
     height: Float64,
     looked: Float64,
     errors: Float32,
+    moves: Float64,
 ) -> tuple[Float64, float]:
     """Filter those of points `first` to `last`, of one fine column, that are asked for.
 
@@ -306,7 +341,7 @@ def _filter_together(
         How far the neighbours of the last points reached, on average.
     near : float64 (ROWS, M)
         A buffer.
-    asked, height, looked, errors
+    asked, known, height, looked, errors, moves
         As in `_filter`.
 
     Returns
@@ -331,6 +366,8 @@ def _filter_together(
         if len(asked) and not asked[point]:
             continue
         new, farthest, error = np.nan, 0.0, np.nan
+        x, y = xyz[i, 0], xyz[i, 1]
+        moves_on = len(moves) > 0 and known[point] == known[point]
         for again in (False, True):
             there, there_size, itself = near, size, own + i - first
             if cut and not low <= z <= high:
@@ -348,12 +385,16 @@ def _filter_together(
                 if rule.layer_share == 0.0:
                     break
                 farthest = radius * radius
-                if not _stands_out(grid, around, i, rule):
+                if not stands_out(grid, around, i, rule.radius, rule.level, rule.layer_share):
                     break
             if rule.max_slope > 0.0:
-                place = (xyz[i, 0], xyz[i, 1], z)
-                n, across = carry(there, there_size, place, limit, radius, rule.max_slope)
+                n, across = carry(there, there_size, (x, y, z), limit, radius, rule.max_slope)
                 error = -across
+                if moves_on:
+                    dx, dy = 0.0, 0.0
+                    if across == across:
+                        dx, dy = aside(there, there_size, x, y, limit, radius, rule.across)
+                    moves[point, 0], moves[point, 1] = dx, dy
             new = z
             if n >= 0:
                 there[HEIGHT, n] = z
@@ -376,28 +417,6 @@ def _belongs(heights: Float64, n: int, z: float, rule: Rule) -> bool:
     for j in range(n):
         speak += abs(heights[j] - z) <= rule.level
     return bool(speak >= rule.min_nb and speak >= rule.min_share * n)
-
-
-@inner
-def _stands_out(grid: PointGrid, around: Int64, i: int, rule: Rule) -> bool:
-    """Return whether enough of all points around point i, at any height, lie in its layer."""
-    xyz, fine, first = grid.xyz, grid.fine, grid.first
-    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-    level, everything, occupied = 0, 0, np.int64(0)
-    for column in around:
-        for j in range(fine[first[column]], fine[first[column + 1]]):
-            dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
-            if dx * dx + dy * dy <= rule.radius * rule.radius:
-                layer = np.rint((xyz[j, 2] - z) / (2.0 * rule.level))
-                layer = min(max(layer, -_FARTHEST_LAYER), _FARTHEST_LAYER)
-                everything += 1
-                level += layer == 0
-                occupied |= np.int64(1) << np.int64(layer + _FARTHEST_LAYER)
-    layers = 0
-    while occupied:
-        occupied &= occupied - 1  # The lowest bit goes.
-        layers += 1
-    return bool(level * layers >= rule.layer_share * everything)
 
 
 @inner

@@ -149,6 +149,54 @@ def test_a_wall_keeps_its_top_and_the_rim_of_its_window() -> None:
         assert np.mean(points.xyz[rim, 2] - thesis[rim]) > 0.03
 
 
+def known(points: Points) -> Points:
+    """Return the points, of which it is known how they err, but for the first."""
+    noise = np.full(points.size, 0.01, dtype=np.float32)
+    noise[:1] = np.nan
+    return points._replace(noise=noise)
+
+
+def test_points_move_across_what_stands_upright_as_the_rule_says() -> None:
+    rng = np.random.default_rng(10)
+    moved = stays = unsure = 0
+    for _ in range(30):
+        xyz = rng.uniform(-1, 1, (150, 3)) * (1, rng.choice([0.05, 0.3]), 1)
+        turn = rng.uniform(0, np.pi)
+        xyz[:, :2] @= np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        points = known(Points.of(xyz, np.zeros(150, dtype=np.int32)))
+        most, across = int(rng.choice([0, 8, 20])), float(rng.choice([0.03, 0.3]))
+        # No slope is flat enough: all points keep their heights.
+        got = Median(0.8, most, 4, max_slope=1e-9, across=across).apply(points, 0.5).xyz
+        assert (got[0] == points.xyz[0]).all()
+        for i, move in enumerate(references.aside(points, 0.8, most, across)[1:], 1):
+            if move is None:
+                unsure += 1
+                continue
+            # Offsets are rounded to a 2^15th of the radius.
+            assert np.abs(got[i] - points.xyz[i] - move).max() < 1e-3
+            moved += any(move)
+            stays += not any(move)
+    assert min(moved, stays) > 500
+    assert unsure < 300
+
+
+def test_a_noisy_wall_is_drawn_together_and_a_mast_and_a_floor_stay() -> None:
+    rng = np.random.default_rng(11)
+    facade = rng.uniform((-3, 0, 0), (3, 0, 2), (400, 3))
+    facade[:, 1] = rng.normal(0.6, 0.05, 400)
+    points = known(Points.of(facade, np.zeros(400, dtype=np.int32)))
+    stage = Median(Cells(3), 24, 4, max_slope=2.0, across=Cells(0.75))
+    after = stage.apply(points, 0.4).xyz
+    assert after[:, 1].std() < 0.5 * facade[:, 1].std()
+    assert (after[:, 2] == facade[:, 2]).all()
+    mast = rng.normal(0, 0.05, (300, 3)) + np.linspace(0, 3, 300)[:, None] * (0, 0, 1)
+    floor = rng.uniform(-3, 3, (1500, 3)) * (1, 1, 0.02)
+    for xyz in (mast, floor):
+        points = known(Points.of(xyz, np.zeros(len(xyz), dtype=np.int32)))
+        after = stage.apply(points, 0.4).xyz
+        assert np.mean((after[:, :2] == xyz[:, :2]).all(axis=1)) > 0.9
+
+
 def test_outliers_above_a_roof_go_and_thin_regions_stay() -> None:
     rng = np.random.default_rng(10)
     dense = np.c_[rng.uniform(0, 4, (800, 2)), rng.normal(0, 0.03, 800)]
@@ -231,7 +279,9 @@ def test_turning_and_shuffling_the_points_turns_and_shuffles_the_result() -> Non
     rng = np.random.default_rng(3)
     for _ in range(50):
         points = random_points(rng)
-        stage = Median(0.7, 5, 2, max_slope=float(rng.choice([0.0, 1.0])))
+        points = known(points)
+        slope = float(rng.choice([0.0, 1.0]))
+        stage = Median(0.7, 8, 2, max_slope=slope, across=0.3 if slope else 0)
         result = stage.apply(points, 0.5)
         order = rng.permutation(points.size)
         shuffled = stage.apply(points.take(order), 0.5)
@@ -258,11 +308,11 @@ def test_points_reach_no_farther_than_declared() -> None:
     rng = np.random.default_rng(5)
     cell_size = 0.5
     for slope in (0.0, 1.0) * 50:
-        stage = Median(0.7, 5, 1, 0.1, 0.3, 0.3, slope)
-        points = random_points(rng)
+        stage = Median(0.7, 5, 1, 0.1, 0.3, 0.3, slope, across=0.6 if slope else 0)
+        points = known(random_points(rng))
         cells = np.floor(points.xyz[:, :2] / cell_size)
-        near = (np.abs(cells) <= stage.reach(cell_size)).all(axis=1)
-        alone = stage.apply(Points.of(points.xyz[near], points.keyframe[near]), cell_size)
+        near = np.flatnonzero((np.abs(cells) <= stage.reach(cell_size)).all(axis=1))
+        alone = stage.apply(points.take(near), cell_size)
         everything = stage.apply(points, cell_size)
         for one, other in ((alone, everything), (everything, alone)):
             inside = (np.floor(one.xyz[:, :2] / cell_size) == 0).all(axis=1)

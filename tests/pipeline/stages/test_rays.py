@@ -21,6 +21,7 @@ from mlscli.errors import ConfigError
 from mlscli.keyframes.batches import Points
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.parameters.lengths import Cells
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.stages.median import Median
 from mlscli.pipeline.stages.rays import Rays
@@ -41,7 +42,14 @@ STAGES = st.sampled_from(
     ]
 )
 
-THEN = st.sampled_from([(), (Median(0.6, 4, 1, 0.2),), (Rays(0.06, max_nb=8, min_nb=4),)])
+THEN = st.sampled_from(
+    [
+        (),
+        (Median(0.6, 4, 1, 0.2),),
+        (Median(0.9, 12, 1, 0.2, max_slope=1.0, across=Cells(0.75)),),
+        (Rays(0.06, max_nb=8, min_nb=4),),
+    ]
+)
 
 
 def displaced(true: Float64, cameras: Float64, rng: np.random.Generator) -> Points:
