@@ -78,9 +78,8 @@ def bridge_looked_at(height: float = 2.0) -> Scene:
     for share in (0.25, 0.5, 0.75):
         below, z = (0.0, 0.0, share * height), share * height
         for y in (-2.4, 2.4):
-            scene = scene.with_legs(
-                *scene.legs, Leg(below, (0.0, y, z), tilt=85), Leg((0.0, y, z), below, tilt=85)
-            )
+            there = (0.0, y, z)
+            scene = scene.with_legs(Leg(below, there, tilt=85), Leg(there, below, tilt=85))
     return scene
 
 
@@ -141,6 +140,9 @@ def mapped(scene: Scene, noise: Noise, seed: int) -> SurfaceMap:
 def truly_fits(scene: Scene, corners: Float64, width: float, height: float) -> bool:
     """Return whether no point of the surfaces lies in the cylinder at any place of the way."""
     points = sample(scene, FINE).xyz
+    room = np.array([width, width, height])
+    near = (points >= corners.min(axis=0) - room) & (points <= corners.max(axis=0) + room)
+    points = points[near.all(axis=1)]
     for a, b in pairwise(corners):
         steps = max(2, int(np.linalg.norm(b - a) / FINE))
         for share in np.linspace(0, 1, steps):
@@ -176,10 +178,18 @@ def rows(trial: Trial, noise: str, seeds: range) -> Iterator[tuple[str, ...]]:
 @click.command()
 @click.option("--seeds", type=click.IntRange(min=1), default=20, show_default=True)
 @click.option("--first", type=click.IntRange(min=0), default=0, show_default=True)
-def main(seeds: int, first: int) -> None:
+@click.option("--only", default="", metavar="WORDS", help="Trials whose names hold these words.")
+@click.option("--noise", "noises", multiple=True, type=click.Choice(list(NOISES)))
+def main(seeds: int, first: int, only: str, noises: tuple[str, ...]) -> None:
     """Print the table."""
     chosen = range(first, first + seeds)
-    told = (row for trial in trials() for noise in NOISES for row in rows(trial, noise, chosen))
+    told = (
+        row
+        for trial in trials()
+        if only in trial.name
+        for noise in noises or NOISES
+        for row in rows(trial, noise, chosen)
+    )
     for line in lines(HEAD, told):
         click.echo(line)
 
