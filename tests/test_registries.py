@@ -209,6 +209,33 @@ def test_a_format_is_read_and_its_damaged_twin_read_in_part_or_refused(
         assert losses or len(left) < len(points)
 
 
+# The folder of a ROS 2 bag holds no more than a SQLite file.
+@pytest.mark.parametrize("format_", [f for f in READABLE if f.name != "ROS 2 bag"], ids=name_of)
+def test_a_file_cut_anywhere_yields_what_lay_before_the_cut_and_tells_the_loss(
+    format_: Format, tmp_path: Path
+) -> None:
+    path = EXAMPLES[format_.name](tmp_path)
+    whole, _ = clouds_of(path)
+    # Of a text nothing tells that its last number is cut, nor how many rows there were.
+    is_text = format_.name in ("text", "COLMAP model")
+    file = max(path.iterdir(), key=lambda each: each.stat().st_size) if path.is_dir() else path
+    content, read = file.read_bytes(), 0
+    for place in range(200):
+        size = len(content) * place // 200
+        file.write_bytes(content[:size])
+        points, losses, refusal = read_or_refused(path)
+        if refusal:
+            assert refusal.startswith(str(tmp_path))
+            assert "\n" not in refusal
+            continue
+        sure = max(len(points) - is_text, 0)
+        assert points[:sure].tolist() == whole[:sure].tolist()
+        assert losses or is_text
+        read += len(points) > 0
+    # JSON is refused, and one block of zstandard yields nothing before its end.
+    assert read > 60 or format_.name in ("OpenSfM", "a file of a ROS 2 bag, compressed")
+
+
 @pytest.mark.parametrize("format_", READABLE, ids=name_of)
 def test_a_format_has_a_row_in_the_docs(format_: Format) -> None:
     words = format_.name.removeprefix("a file of a ").split(",")[0].lower()

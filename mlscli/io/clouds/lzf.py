@@ -67,9 +67,25 @@ def origins(data: UInt8, size: int) -> Int64:
 def _decompress(
     data: UInt8, values: Array, out: Array, read: int, written: int, stop: int
 ) -> tuple[int, int]:
-    """Decompress `data`, taking from `values` what stands there, until `stop` bytes are written.
+    """Decompress data from the beginning of a step on; see `decompress`.
 
-    Returns how many bytes of the data are read, and how many are written; see `decompress`.
+    Parameters
+    ----------
+    data : uint8 (bytes,)
+        Compressed.
+    values : (bytes,)
+        What is written for each of these bytes.
+    out : (N,)
+        Receives what they yield.
+    read, written : int
+        Where the step begins, in the data and in `out`.
+    stop : int
+        How much to write, at least.
+
+    Returns
+    -------
+    read, written : int
+        Where the next step begins, or the first that cannot be taken.
     """
     while read < len(data) and written < stop:
         step = read

@@ -204,7 +204,10 @@ class _Parser:
                     yield part
                 line += text.count("\n")
         if fault := self._cut(last, came, odd):
-            self.losses.append(f"{self.path}:{line}: {fault}; the text seems to be cut there")
+            self.losses.append(
+                f"{self.path}:{line}: {fault}; the text seems to be cut there, and 1 row is "
+                "left out"
+            )
         elif last:
             yield self._rows(last, line, after_blank)
 

@@ -122,7 +122,7 @@ def test_a_cut_text_is_read_as_far_as_it_goes(tmp_path: Path, end: str, fault: s
     assert [each.points.tolist() for each in cloud.clouds()] == [[[1.5, 2.5, 3.5]] * 4]
     (loss,) = cloud.losses
     assert f"cloud.txt:5: found {fault.removeprefix('found ')}" in loss
-    assert "the text seems to be cut there" in loss
+    assert "the text seems to be cut there, and 1 row is left out" in loss
 
 
 @pytest.mark.parametrize("block", [1 << 22, 40])
