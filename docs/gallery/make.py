@@ -16,13 +16,17 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
 from benchmarks import figures
+from benchmarks.clearances import NOISES, trials
+from benchmarks.clearances import mapped as with_free_space
 from benchmarks.shown import Shown
 from docs.gallery.render import View, render
 from mlscli.config import load
+from mlscli.io.writing.way import way_colours
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.maps.uncovering import patch_places
 from mlscli.mesh import Mesh, build_mesh
 from mlscli.plot import plot_above, plot_differences, plot_section
+from mlscli.queries.clearance import clearance
 from mlscli.runtime.arrays import Float64, UInt8
 from mlscli.scenes.flight import fly
 from mlscli.scenes.noise import Noise
@@ -138,9 +142,27 @@ def plots() -> None:
     save("storeys", render(build_mesh(storeys), WIDTH * 2 // 3, View(60, 25)))
 
 
+def clearances() -> None:
+    """Draw crafts of two sizes through a window: what they fill, in the colours of `write_way`."""
+    trial = next(each for each in trials() if each.name.startswith("window"))
+    surface = with_free_space(trial.scene, NOISES["sigma 0.02"], 0)
+    pictures = []
+    for size in (0.5, 0.9):
+        title = f"mls clearance house.npz --craft {size},{size} --line 0,0.2,0.75,0,2,0.75"
+        figure = plot_section(surface, (0, -0.5), (0, 2.7), title=title)
+        found = clearance(surface, trial.corners, size, size)
+        place, colours = found.pieces.place, way_colours(found) / 255
+        for begin, end, colour in zip(place[:-1, 1], place[1:, 1], colours, strict=True):
+            across = [begin + 0.5, end + 0.5]
+            low, high = place[0, 2] - size / 2, place[0, 2] + size / 2
+            figure.axes[0].fill_between(across, low, high, color=colour, alpha=0.6, linewidth=0)
+        pictures.append(pixels(figure))
+    save("clearance", np.vstack(pictures))
+
+
 ALL: Sequence[Callable[[], None]] = (
     *(readme, overview, median, orphans, pyramids, plaster, sparse),
-    *(birmensdorf, recordings, batches, gap, plots),
+    *(birmensdorf, recordings, batches, gap, plots, clearances),
 )
 
 
