@@ -41,8 +41,8 @@ EDGE = 8
 def nav2() -> None:
     """Draw the images of four storeys."""
     with tempfile.TemporaryDirectory() as folder:
-        written = write_nav2(Path(folder, "hamlet.yaml"), hamlet(), Robot(slope=25))
-        chosen = [0, 3, 4, 5] if len(written.sheets) > 5 else range(len(written.sheets))
+        written = write_nav2(Path(folder, "hamlet.yaml"), hamlet(), Robot(slope=30, step=0.2))
+        chosen = range(min(4, len(written.sheets)))
         images = [
             (sheet.file.name, np.asarray(Image.open(sheet.file.with_suffix(".pgm"))))
             for sheet in (written.sheets[number] for number in chosen)

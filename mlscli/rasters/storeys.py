@@ -25,6 +25,9 @@ from mlscli.runtime.kernels import kernel
 LEAST_SHARE = 0.05
 """A floor with less than this share of the cells of the largest is no storey of its own."""
 
+LEAST_OF_ALL = 0.01
+"""Nor is one with less than this share of all patches that can be stood on: few are many enough."""
+
 
 class Storey(NamedTuple):
     """A floor, and what a robot on it finds around.
@@ -86,7 +89,7 @@ def storeys_of(surface: SurfaceMap, robot: Robot | None = None) -> Storeys:
     extent = Extent.of_map(surface)
     floor = floor_of(surface, limits)
     growing = _Growing(surface, extent, limits, floor)
-    levels = sorted(_without_parts(growing.levels()), key=growing.middle)
+    levels = sorted(growing.joined(_without_parts(growing.levels())), key=growing.middle)
     held = np.zeros(surface.size, dtype=np.bool_)
     for level in levels:
         held[level[level >= 0]] = True
@@ -112,7 +115,8 @@ class _Growing:
         """Return the floors, the largest connected parts first."""
         found: list[Int64] = []
         waiting = self._floor.stands.copy()
-        least = 1
+        of_all = max(1, math.ceil(LEAST_OF_ALL * np.count_nonzero(waiting)))
+        least = of_all
         while (part := _largest_part(self._floor.links, waiting, least)) is not None:
             level = self._grow(part)
             new = level[level >= 0]
@@ -124,7 +128,53 @@ class _Growing:
             waiting[new] = False
             found.append(level)
             if len(found) == 1:
-                least = max(1, math.ceil(LEAST_SHARE * np.count_nonzero(level >= 0)))
+                least = max(of_all, math.ceil(LEAST_SHARE * np.count_nonzero(level >= 0)))
+        return found
+
+    def joined(self, levels: list[Int64]) -> list[Int64]:
+        """Return floors put together where no cell would have two, and their heights are alike.
+
+        Each is as high, on average, as the nearest floor of the other, but for a step. Small
+        floors, which are none of their own, join them likewise.
+
+        Parameters
+        ----------
+        levels : list of int64 (C,)
+            The largest first.
+        """
+        height, cell = self._surface.height, self._cell
+        most = self._limits.rise(self._surface.cell_size)
+        waiting, found = list(levels), []
+        alone = self._floor.stands.copy()
+        for level in levels:
+            alone[level[level >= 0]] = False
+        while waiting:
+            level, *others = waiting
+            level = level.copy()
+            nearest = self._nearest(level)
+            waiting = []
+            for other in others:
+                there = other >= 0
+                apart = np.abs(height[other[there]] - nearest[there]).mean()
+                if apart > most or np.any((level != other) & (level >= 0) & there):
+                    waiting.append(other)
+                else:
+                    level[there] = other[there]
+            label = _parts(self._floor.links, alone)
+            patch = np.flatnonzero(alone)
+            size = np.bincount(label[patch], minlength=len(alone))
+            fits = patch[level[cell[patch]] < 0]
+            once = np.unique(np.column_stack((label[fits], cell[fits])), axis=0)
+            total = np.bincount(
+                label[fits], np.abs(height[fits] - nearest[cell[fits]]), minlength=len(alone)
+            )
+            whole = np.bincount(once[:, 0], minlength=len(alone)) == size
+            new = fits[(whole & (total <= most * size))[label[fits]]]
+            # Of two floors that meet in a cell, the lower.
+            new = new[np.diff(cell[new], prepend=-1) > 0]
+            level[cell[new]] = new
+            alone[new] = False
+            found.append(level)
         return found
 
     def middle(self, level: Int64) -> float:

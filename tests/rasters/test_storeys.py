@@ -150,8 +150,29 @@ def test_floors_beyond_a_narrow_gap_are_one_storey_and_small_ones_are_counted() 
     assert states(result, storey, (5, 5), (20, 5)) == {FREE}
     assert states(result, storey, (11, 5)) == {UNKNOWN}
     assert result.left_out == 4
-    far = scene((range(10), range(10), 0.0), (range(24, 34), range(10), 0.2))
-    assert len(found(far).storeys) == 2
+
+
+def test_rooms_at_one_height_are_one_storey_whatever_lies_between_them() -> None:
+    rooms = scene((range(10), range(10), 0.0), (range(24, 34), range(10), 0.1))
+    closet = scene((range(50, 52), range(2), 0.0))
+    result = found(rooms + closet)
+    (storey,) = result.storeys
+    assert states(result, storey, (5, 5), (30, 5), (51, 1)) == {FREE}
+    assert state(result, storey, 17, 5) == UNKNOWN
+    assert result.left_out == 0
+    higher = scene((range(10), range(10), 0.0), (range(24, 34), range(10), 0.7))
+    assert len(found(higher).storeys) == 2
+    # A table under which nobody saw is no floor of the room.
+    table = scene((range(12, 14), range(2), 0.8))
+    result = found(rooms + table)
+    assert (state(result, result.storeys[0], 12, 1), result.left_out) == (OCCUPIED, 4)
+
+
+def test_patches_that_hang_together_nowhere_are_no_storeys() -> None:
+    # One of each would be as many images as there are patches.
+    loose = [Patch(8 * (n % 40), 8 * (n // 40), 3.0 * (n % 97), 0.0, 0, 1) for n in range(900)]
+    result = found(loose)
+    assert (result.storeys, result.left_out) == ([], 900)
 
 
 def test_every_cell_of_random_maps_follows_the_rules() -> None:

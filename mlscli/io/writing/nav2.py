@@ -97,7 +97,7 @@ def write_nav2(
     Raises
     ------
     UsageError
-        Where the map is empty, too wide for an image, or has no floor that the robot can stand on.
+        Where the map is empty, too wide for an image, or has no floor for the robot.
     OutputError
         Where the name does not end in .yaml; one of the files exists and `overwrite` is False, or
         cannot be written; or there is a file of a storey that the map does not have, of an earlier
@@ -124,7 +124,9 @@ def write_nav2(
         return Sheets([sheet], 0)
     found = storeys_of(surface, robot)
     if not found.storeys:
-        raise UsageError("the map has no floor on which such a robot can stand")
+        raise UsageError(
+            "the map has no floor on which such a robot can stand, or none that hangs together"
+        )
     sheets: list[Sheet] = []
     all_files: dict[Path, bytes] = {}
     for number, storey in enumerate(found.storeys, 1):
