@@ -33,6 +33,8 @@ from mlscli.runtime.tree import Tree
 _TOGETHER, _APART = 64, 0.2
 # Of more points, so many are looked at, and so many are asked.
 _MOST_POINTS, _MOST_ASKED = 4096, 128
+# One of so many looks counts: of long recordings, from so many on up to twice as many in all.
+_LOOKS = 512
 # Directions around one, and how many of them the fit follows: wrong correspondences are left out.
 _AROUND, _FOLLOWED, _FITS = 12, 9, 4
 # The quartile of the absolute values of a standard normal distribution: moved little by the edges
@@ -62,7 +64,9 @@ class DepthNoise:
     def __init__(self) -> None:
         self._waiting: list[Keyframe] = []
         self._size = 0
+        # What looks tell, and one of how many does.
         self._found: list[Float64] = []
+        self._looks, self._each = 0, 1
         # One of so many points, with the way from the craft to each.
         self._kept: list[Float64] = []
         self._every = 1
@@ -122,13 +126,21 @@ class DepthNoise:
         rays = points - self._waiting[0].position
         self._waiting, self._size = [], 0
         depth = np.linalg.norm(rays, axis=1)
-        order = np.lexsort((*points.T, depth))
+        order = np.argsort(depth)
+        if not np.diff(depth[order]).all():
+            # Points of one depth, whatever their order.
+            order = np.lexsort((*points.T, depth))
         order = order[depth[order] > 0.0]
         self._keep(np.column_stack((points[order], sights[order])))
         order = order[_evenly(len(order), _MOST_POINTS)]
-        if len(order) > _AROUND:
+        if len(order) <= _AROUND:
+            return
+        if self._looks % self._each == 0:
             rays, depth = rays[order], depth[order]
             self._found.append(np.column_stack(_errors(rays / depth[:, None], depth)))
+        self._looks += 1
+        if len(self._found) == 2 * _LOOKS:
+            self._found, self._each = self._found[::2], 2 * self._each
 
     def _keep(self, rows: Float64) -> None:
         """Keep one of so many points, half of what is kept once it is too much."""

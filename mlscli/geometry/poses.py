@@ -203,9 +203,10 @@ class PoseTrack:
         """Return the pose at each of these times (M,), in seconds; at NaN none is known."""
         if not len(self.stamps):
             return unknown(len(stamps))
-        low, high, share = self._between(stamps)
-        known = (stamps >= self._span[0]) & (stamps <= self._span[1]) & ~self.in_gap(stamps)
-        share = np.where(known, share, np.nan)[:, np.newaxis]
+        low, high, share = self._share(stamps)
+        in_gap = self._apart(low, high) & (share > 0) & (share < 1)
+        known = (stamps >= self._span[0]) & (stamps <= self._span[1]) & ~in_gap
+        share = np.where(known, self._within_series(low, high, share), np.nan)[:, np.newaxis]
         translation = (1 - share) * self._translations[low] + share * self._translations[high]
         return Poses(translation, _slerp(self._rotations[low], self._rotations[high], share), known)
 
@@ -227,7 +228,10 @@ class PoseTrack:
     def _between(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
         """Return the rows before and after each time (M,), and its share of the way, 0 to 1."""
         low, high, share = self._share(stamps)
-        return low, high, np.where(self._series[low] == self._series[high], share, share == 1)
+        return low, high, self._within_series(low, high, share)
+
+    def _within_series(self, low: Int64, high: Int64, share: Float64) -> Float64:
+        return np.where(self._series[low] == self._series[high], share, share == 1)
 
     def _share(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
         """Return the same, whatever the series."""
@@ -237,8 +241,9 @@ class PoseTrack:
         step = np.where(high > low, self.stamps[high] - self.stamps[low], 1.0)
         share = np.clip((stamps - self.stamps[low]) / step, 0.0, 1.0)
         apart = self._apart(low, high)
-        share = np.where(apart & (stamps - self.stamps[low] <= self._slack), 0.0, share)
-        share = np.where(apart & (self.stamps[high] - stamps <= self._slack), 1.0, share)
+        if apart.any():
+            share = np.where(apart & (stamps - self.stamps[low] <= self._slack), 0.0, share)
+            share = np.where(apart & (self.stamps[high] - stamps <= self._slack), 1.0, share)
         return low, high, share
 
     def _apart(self, low: Int64, high: Int64) -> Bool:

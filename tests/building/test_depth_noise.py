@@ -15,13 +15,14 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.building import depth_noise
 from mlscli.building.build import build_map
-from mlscli.building.depth_noise import DepthNoise, auto_noise
+from mlscli.building.depth_noise import DepthNoise, _errors, auto_noise
 from mlscli.building.large import build_large
 from mlscli.config import load
 from mlscli.io.reading.recording import open_recording
 from mlscli.io.writing.flight_bag import write_bag
 from mlscli.io.writing.npz import read_map, write_map
 from mlscli.keyframes.keyframe import Keyframe
+from mlscli.runtime.arrays import Float64
 from mlscli.scenes.flight import Flight, fly
 from mlscli.scenes.noise import Noise
 from mlscli.scenes.presets import make
@@ -48,6 +49,23 @@ def test_it_is_none_where_errors_do_not_grow_with_the_depth() -> None:
         only_heights = Noise("thesis", Scatter(0.0, 0.05), 0.1)
         assert auto_noise(fly(make(scene), 0.15, only_heights, seed=4).keyframes) == 0.0
     assert auto_noise(flight("slam", 0.0, wrong=0.0).keyframes) == 0.0
+
+
+def test_of_a_long_flight_some_looks_tell_what_all_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = flight("slam", 0.05, "street").keyframes
+    found = auto_noise(seen)
+    fitted = list[int]()
+
+    def counting(ahead: Float64, depth: Float64) -> tuple[Float64, Float64]:
+        fitted.append(len(ahead))
+        return _errors(ahead, depth)
+
+    monkeypatch.setattr(depth_noise, "_errors", counting)
+    for most in (8, 16):
+        monkeypatch.setattr(depth_noise, "_LOOKS", most)
+        fitted.clear()
+        assert 0.8 * found < auto_noise(seen) < 1.25 * found
+        assert most <= len(fitted) < 0.8 * len(seen)
 
 
 @pytest.mark.filterwarnings("error")

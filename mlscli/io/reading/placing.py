@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -141,7 +142,8 @@ class Placing:
             except InputError:
                 self._ways[frame] = UNCONNECTED
         way = self._ways[frame]
-        placed = replace(cloud, frame_id=self.frame_id)
+        # What changes, at once: each copy of a cloud takes as long as to read a small one.
+        changed: dict[str, Any] = {"frame_id": self.frame_id}
         if isinstance(way, str):
             return way
         if way is not None:
@@ -152,15 +154,15 @@ class Placing:
                 pose = None
             if pose is None:
                 return IN_GAP if self._is_in_gap(frame, moment) else UNPLACED
-            placed = replace(placed, points=apply(pose, cloud.points), position=_place(pose))
+            changed |= {"points": apply(pose, cloud.points), "position": _place(pose)}
             if axes_of(frame) == "camera":
-                placed = replace(placed, attitude=_attitude(pose), axes="camera")
+                changed |= {"attitude": _attitude(pose), "axes": "camera"}
         craft = self.craft(moment)
         if craft.has_position and not cloud.has_position:
-            placed = replace(placed, position=craft.position)
-        if craft.has_attitude and not placed.has_attitude:
-            placed = replace(placed, attitude=craft.attitude, axes=craft.axes)
-        return placed
+            changed["position"] = craft.position
+        if craft.has_attitude and not ("attitude" in changed or cloud.has_attitude):
+            changed |= {"attitude": craft.attitude, "axes": craft.axes}
+        return replace(cloud, **changed)
 
     def clock_note(self, clouds: Float64) -> str:
         """Return why clouds may be moved by poses of other times; empty where nothing says so.
@@ -188,17 +190,16 @@ class Placing:
         It is a cloud without points. Its position is that of the trajectory; without one, that of
         the pose of the craft. It has an attitude only where that may be the craft's own.
         """
-        found = Cloud(_NONE, moment.stamp, frame_id=self.frame_id)
+        found: dict[str, Any] = {}
         pose = self._craft(moment)
         if self._asked.trajectory is not None:
             (position,) = self._asked.trajectory.at(np.array([moment.stamp]))
-            x, y, z = position.tolist()
-            found = replace(found, position=(x, y, z))
+            found["position"] = tuple(position.tolist())
         elif pose is not None:
-            found = replace(found, position=_place(pose))
+            found["position"] = _place(pose)
         if pose is not None and self._craft_axes is not None:
-            found = replace(found, attitude=_attitude(pose), axes=self._craft_axes)
-        return found
+            found |= {"attitude": _attitude(pose), "axes": self._craft_axes}
+        return Cloud(_NONE, moment.stamp, frame_id=self.frame_id, **found)
 
     def _craft(self, moment: Moment) -> Pose | None:
         """Return the pose of the craft in the map frame; None where not known.
