@@ -232,7 +232,7 @@ def _rows(told: dict[str, Any], cell_size: float) -> list[tuple[str, str]]:
     lengths = ", ".join(f"{number(each)} {name}" for name, each in told["lengths"].items() if each)
     rows = [
         ("craft", f"an upright cylinder, {width:g} wide, {height:g} high"),
-        ("way", f"{number(told['length'])} long: {lengths}" if lengths else "one place"),
+        ("way", f"{number(told['length'])} long: {lengths}" if told["length"] else "one place"),
     ]
     for stretch in told["stretches"][:_MOST_STRETCHES]:
         span = f"{number(stretch['begin'])} to {number(stretch['end'])}"

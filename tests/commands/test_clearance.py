@@ -91,6 +91,13 @@ def test_it_tells_places_and_the_room_where_it_is_narrowest(tmp_path: Path) -> N
     assert told["stretches"][1]["to"] == [6.0, 0.0, 1.6]
 
 
+def test_one_place_is_where_a_craft_hovers(tmp_path: Path) -> None:
+    deck(tmp_path)
+    done = mls("clearance", "deck.npz", "--craft", "1,1", "--line", "1,0,1.5", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "  way             one place\n" in done.stdout
+
+
 def test_a_map_without_free_space_never_fits_and_says_why(tmp_path: Path) -> None:
     deck(tmp_path, free=False)
     done = mls("clearance", "deck.npz", "--craft", "1,1", "--line", OPEN, cwd=tmp_path)
