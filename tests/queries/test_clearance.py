@@ -187,6 +187,16 @@ def test_a_wall_through_which_lines_passed_is_doubtful() -> None:
     assert through(replace(gate(), free=everywhere(1, 20)), 4 * CELL).overall == DOUBTFUL
 
 
+def test_a_doubtful_wall_hides_no_kerb_beside_it() -> None:
+    # The craft reaches deeper into the wall, through which lines passed, than into the kerb.
+    both = map_of([Patch(0, 0, 3.0, 3.0, 0, 1024), Patch(1, 0, 0.7, 0.7, 0, 1024)])
+    still: Any = np.zeros(2, dtype=np.float32)
+    both = replace(both, noise=still, free=free_space_of({(0, 0, iz): 9 for iz in range(20)}))
+    place = np.array([[CELL / 2, CELL / 2, 1.0]])
+    assert clearance(both, place, 1.2, 0.5).overall == DOUBTFUL
+    assert clearance(both, place, 1.2, 1.0).overall == BLOCKED
+
+
 @pytest.mark.parametrize("missing", range(1, 9))
 def test_holes_between_lines_are_seen_and_larger_ones_are_not(missing: int) -> None:
     # A hole one cell wide in the middle of a craft's way, some voxels high.
