@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -73,7 +73,12 @@ def _first(value: Any, *_: Any, **__: Any) -> Finding[Any]:
 
 def _all(points: Float64, *_: Any, **__: Any) -> Finding[Any]:
     """Return that all points are right."""
-    return right(np.ones(len(points), dtype=np.bool_))
+    return right(_true(len(points)))
+
+
+@cache
+def _true(count: int) -> Any:
+    return np.ones(count, dtype=np.bool_)
 
 
 STAND_INS: dict[str, Callable[..., Any]] = {
