@@ -121,7 +121,19 @@ def _draw_differences(
     frame: Frame,
     titles: tuple[str, str],
 ) -> None:
-    """Draw by how much the other map is higher, and what one of them only has."""
+    """Draw by how much the other map is higher, and what one of them only has.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    axes : matplotlib.axes.Axes
+        The part of the figure to draw in.
+    one, other : SurfaceMap
+    frame : Frame
+        The part of the plane that is shown.
+    titles : tuple of str
+        The names of the maps.
+    """
     from matplotlib.patches import Patch
 
     found = changes(one, other, frame)

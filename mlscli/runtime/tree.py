@@ -115,7 +115,18 @@ def _divide(points: Float64, rows: Int64, boxes: Float64) -> None:
 
 @inner
 def _halve(points: Float64, rows: Int64, begin: int, middle: int, end: int, axis: int) -> None:
-    """Order a part so that none before `middle` is greater along an axis than any after it."""
+    """Order a part so that none before `middle` is greater along an axis than any after it.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+        Changed in place.
+    rows : int64 (N,)
+        The numbers of the points, which move with them.
+    begin, middle, end : int
+        The part is ``begin:end``.
+    axis : int
+    """
     low, high = begin, end - 1
     while low < high:
         # The median of three: points are often in order already.

@@ -113,7 +113,7 @@ def changes(
         if surface.free is None:
             raise UsageError(
                 f"{name} does not say what was seen through, and what was not looked at could pass "
-                "for gone; build it with --free-space"
+                "for gone; build it with `free_space`"
             )
     went, came = _seen_through(before, after, least), _seen_through(after, before, least)
     gone, few_gone = _things(went, before.cell_size, smallest)
