@@ -88,14 +88,14 @@ def unpack(
         )
     starts = list(accumulate((field.size * points for field in fields), initial=0))
     packed = np.ascontiguousarray(data[8 : 8 + compressed])
-    plain, used, steps = decompress(packed, size)
+    plain, used = decompress(packed, size)
     if len(data) >= 8 + compressed and (len(plain) < size or used < compressed):
         raise InputError(
             f"{path}: the compressed points are damaged: {used:,} of {compressed:,} bytes yield "
             f"{len(plain):,} of {size:,}, so that no point can be trusted"
         )
     end = max(starts[place + 1] for place in wanted)
-    encoded = repeats_as_encoded(packed[:used], plain, end, steps)
+    encoded = repeats_as_encoded(packed[:used], plain, end)
     if encoded.value is None:
         raise InputError(
             f"{path}: the compressed points are damaged: {encoded.refusal}, so that no point can "

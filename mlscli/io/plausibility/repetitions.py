@@ -10,9 +10,6 @@ they remember. One of them fits a whole file. Where none does, the file is damag
 contradict the best one here and there, or only in a part of the file; if they do all over it, an
 unknown encoder wrote it, and nothing can be told.
 
-Walking in an encoder's steps takes as long as to decompress. So of a large file parts are looked
-at, and all of it where one of these is odd.
-
 References
 ----------
 M. Lehmann, liblzf 3.6, lzf_c.c; what the Point Cloud Library made of it, io/src/lzf.cpp.
@@ -21,7 +18,6 @@ M. Lehmann, liblzf 3.6, lzf_c.c; what the Point Cloud Library made of it, io/src
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -42,8 +38,8 @@ _OTHERS = tuple(product((16, 15, 14, 13, 17, 18, 12), (0, 1, 2), (1, 2, 264)))
 _FARTHEST, _LONGEST = 1 << 13, 264
 """How far back an encoder looks, and how much a step repeats, in bytes."""
 
-_WHOLE, _PART = 1 << 18, 1 << 14
-"""Up to so many plain bytes all are looked at; of more, so many after each step that is given."""
+_BEGINNING = 1 << 15
+"""So many plain bytes tell most encoders apart."""
 
 _HARDLY, _LARGE = 0.95, 1 << 20
 """Where so many bytes are compressed to more than this share, there is little to judge by."""
@@ -53,9 +49,7 @@ _FEW, _SOME, _BY_CHANCE = 0.02, 0.3, 1e-6
 the file without any is that unlikely to come by chance."""
 
 
-def repeats_as_encoded(
-    data: UInt8, plain: UInt8, used: int, steps: Sequence[tuple[int, int]]
-) -> Finding[bool]:
+def repeats_as_encoded(data: UInt8, plain: UInt8, used: int) -> Finding[bool]:
     """Return whether compressed bytes are those that an encoder made of the plain ones.
 
     Parameters
@@ -66,8 +60,6 @@ def repeats_as_encoded(
         What all of them yield.
     used : int
         How many of the first plain bytes matter.
-    steps : sequence of (int, int)
-        Where some steps begin, in the compressed and in the plain bytes; see `decompress`.
 
     Returns
     -------
@@ -78,11 +70,11 @@ def repeats_as_encoded(
     large = len(plain) > _LARGE and len(data) > _HARDLY * len(plain)
     if large or len(plain) >= 1 << 31:
         return right(True)
-    if any(_fits(data, plain, encoder, steps) for encoder in _USUAL):
-        return right(True)
     best = _Judged(1 << 62, 0, 0, 0)
-    for encoder in (*_USUAL, *_OTHERS):
-        judged = _judge(data, plain, encoder, best.odd)
+    # The beginning tells which of those in use to try first, as the first mostly fits.
+    usual = sorted(_USUAL, key=lambda each: _judge(data, plain, each, best.odd, _BEGINNING).odd)
+    for encoder in (*usual, *_OTHERS):
+        judged = _judge(data, plain, encoder, best.odd, len(plain))
         if not judged.odd:
             return right(True)
         best = judged if judged.odd < best.odd else best
@@ -124,41 +116,18 @@ class _Judged(NamedTuple):
         return math.exp(min(0.0, math.log(self.odd + 1) + self.odd * math.log1p(-share)))
 
 
-def _fits(
-    data: UInt8, plain: UInt8, encoder: tuple[int, int, int], steps: Sequence[tuple[int, int]]
-) -> bool:
-    """Return whether an encoder would have taken all steps that are looked at."""
-    if len(plain) <= _WHOLE:
-        return not _judge(data, plain, encoder, 1).odd
+def _judge(
+    data: UInt8, plain: UInt8, encoder: tuple[int, int, int], most: int, stop: int
+) -> _Judged:
+    """Compare the steps up to a plain byte with those of an encoder, until `most` contradict it."""
     bits, kind, kept = encoder
     last = np.zeros(1 << bits, dtype=np.int32)
-    for read, at in steps:
-        # What lies farther back than it looks is as good as unknown to it.
-        sure = at + _FARTHEST
-        if _judged(data, plain, last, kind, kept, 1, read, at, sure, sure + _PART)[0]:
-            return False
-    return True
-
-
-def _judge(data: UInt8, plain: UInt8, encoder: tuple[int, int, int], most: int) -> _Judged:
-    """Compare all steps with those of an encoder, until `most` contradict it."""
-    bits, kind, kept = encoder
-    last = np.zeros(1 << bits, dtype=np.int32)
-    return _Judged(*_judged(data, plain, last, kind, kept, most, 0, 0, 0, len(plain)))
+    return _Judged(*_judged(data, plain, last, kind, kept, most, stop))
 
 
 @kernel
 def _judged(
-    data: UInt8,
-    plain: UInt8,
-    last: Int32,
-    kind: int,
-    kept: int,
-    most: int,
-    read: int,
-    at: int,
-    sure: int,
-    stop: int,
+    data: UInt8, plain: UInt8, last: Int32, kind: int, kept: int, most: int, stop: int
 ) -> tuple[int, int, int, int]:
     """Compare steps with those of an encoder, until `most` contradict it.
 
@@ -166,14 +135,12 @@ def _judged(
     ----------
     data, plain : uint8 (bytes,)
     last : int32 (2^bits,)
-        The last place of each hash; it is kept up to date.
+        The last place of each hash, at first 0.
     kind, kept : int
         The encoder; see `_USUAL`.
     most : int
-    read, at : int
-        Where the first step begins, in the compressed and in the plain bytes.
-    sure, stop : int
-        Offsets in the plain bytes from which on steps are judged, and at which to stop.
+    stop : int
+        Offset in the plain bytes at which to stop.
 
     Returns
     -------
@@ -182,7 +149,7 @@ def _judged(
     """
     end = len(plain) - 2
     stop = min(stop, end)
-    odd = repetitions = gap = first = since = 0
+    read = at = odd = repetitions = gap = first = since = 0
     while at < stop and read < len(data) and odd < most:
         control = int(data[read])
         read += 1
@@ -220,7 +187,7 @@ def _judged(
             if at < end:
                 for place in range(max(begin + 1, at - kept), at):
                     last[_slot(_three(plain, place), len(last), kind)] = place
-        if not fits and begin >= sure:
+        if not fits:
             first = first if odd else begin
             gap, since = max(gap, repetitions - since), repetitions
             odd += 1

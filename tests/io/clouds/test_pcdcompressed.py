@@ -10,15 +10,12 @@ from __future__ import annotations
 
 import random
 import struct
-from bisect import bisect_left
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mlscli.errors import InputError
-from mlscli.io.clouds.lzf import decompress
 from mlscli.io.clouds.pcd import PcdCloud
 from mlscli.runtime.arrays import Array, Float64
 from tests.helpers.meshes import open3d
@@ -172,25 +169,6 @@ def test_a_byte_of_what_repeats_is_the_end_of_trust(tmp_path: Path) -> None:
     body[distances(body)[400]] ^= 8
 
     with pytest.raises(InputError, match="repetitions are not as an encoder writes them"):
-        read(write(tmp_path / "a.pcd", columns, bytes(body)))
-
-
-def yielded(body: bytearray, end: int) -> int:
-    """Return how many bytes the first ones yield."""
-    return len(decompress(np.frombuffer(body[:end], np.uint8), 1 << 20).data)
-
-
-def test_of_a_large_file_parts_are_looked_at_and_all_where_one_is_odd(tmp_path: Path) -> None:
-    columns = rounded(terrain(30_000), 0.25)
-    body = bytearray(encoded(b"".join(column.tobytes() for column in columns)))
-    whole, losses = read(write(tmp_path / "a.pcd", columns, bytes(body)))
-    # The first part is judged from 8 kB of points on, as far back as an encoder looks.
-    places = distances(body)
-    body[places[bisect_left(places, 20_000, key=partial(yielded, body))]] ^= 8
-
-    assert whole.tolist() == points_of(columns).tolist()
-    assert losses == []
-    with pytest.raises(InputError, match=r"of [0-9,]+ repetitions are not as an encoder writes"):
         read(write(tmp_path / "a.pcd", columns, bytes(body)))
 
 
