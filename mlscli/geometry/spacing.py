@@ -77,10 +77,11 @@ class Neighbourhoods:
         if len(self.points) <= size:
             # In the order of the tree, the points of a range lie close together: that halves the
             # time.
-            return self._tree.rows
+            return self._tree.rows.astype(np.int64)
         keys = hashed(turned(self.points))
         chosen = keys <= np.partition(keys, size - 1)[size - 1]
-        return np.asarray(self._tree.rows[chosen[self._tree.rows]])
+        rows: Int64 = self._tree.rows[chosen[self._tree.rows]].astype(np.int64)
+        return rows
 
     def distances(
         self,

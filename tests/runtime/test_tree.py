@@ -56,7 +56,7 @@ def test_those_within_reach_are_counted(points: Float64, places: Float64, reach:
     assert np.array_equal(Tree(points).counts(places, reach), expected)
 
 
-@pytest.mark.parametrize("size", [1, 12, 13, 24, 25, 5000])
+@pytest.mark.parametrize("size", [1, 28, 29, 56, 57, 5000])
 def test_every_point_finds_itself_in_a_cloud_of_any_size(size: int) -> None:
     points = np.random.default_rng(size).normal(size=(size, 3)) * (100.0, 1.0, 0.01) + 1e6
     before = points.copy()
