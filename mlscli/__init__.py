@@ -17,14 +17,13 @@ if TYPE_CHECKING:
     from mlscli.building.sizes import fit_sizes
     from mlscli.config import load as load_parameters
     from mlscli.io.reading.recording import open_recording
+    from mlscli.io.writing.clouds import write_cloud
     from mlscli.io.writing.glb import write_glb
     from mlscli.io.writing.grid_map import write_grid_map
-    from mlscli.io.writing.las import write_las
     from mlscli.io.writing.nav2 import write_nav2
     from mlscli.io.writing.npz import read_map, write_map
     from mlscli.io.writing.obj import write_obj
     from mlscli.io.writing.octomap import write_octomap
-    from mlscli.io.writing.pcd import write_pcd
     from mlscli.io.writing.ply import write_ply
     from mlscli.io.writing.raster import write_layers
     from mlscli.io.writing.sdf import write_sdf
@@ -61,16 +60,15 @@ __all__ = [
     "space_at",
     "to_pandas",
     "to_xarray",
+    "write_cloud",
     "write_glb",
     "write_grid_map",
-    "write_las",
     "write_layers",
     "write_map",
     "write_nav2",
     "write_obj",
     "write_octomap",
     "write_page",
-    "write_pcd",
     "write_ply",
     "write_replay",
     "write_sdf",
@@ -93,10 +91,10 @@ _HOMES = {
     "open_replay": ("mlscli.view.replay", "open_replay"),
     "read_map": ("mlscli.io.writing.npz", "read_map"),
     "space_at": ("mlscli.maps.space", "space_at"),
+    "write_cloud": ("mlscli.io.writing.clouds", "write_cloud"),
     "write_glb": ("mlscli.io.writing.glb", "write_glb"),
     "write_map": ("mlscli.io.writing.npz", "write_map"),
     "write_grid_map": ("mlscli.io.writing.grid_map", "write_grid_map"),
-    "write_las": ("mlscli.io.writing.las", "write_las"),
     "to_pandas": ("mlscli.rasters.tables", "to_pandas"),
     "to_xarray": ("mlscli.rasters.tables", "to_xarray"),
     "write_layers": ("mlscli.io.writing.raster", "write_layers"),
@@ -104,7 +102,6 @@ _HOMES = {
     "write_obj": ("mlscli.io.writing.obj", "write_obj"),
     "write_octomap": ("mlscli.io.writing.octomap", "write_octomap"),
     "write_page": ("mlscli.view.page", "write_page"),
-    "write_pcd": ("mlscli.io.writing.pcd", "write_pcd"),
     "write_ply": ("mlscli.io.writing.ply", "write_ply"),
     "write_replay": ("mlscli.view.replay", "write_replay"),
     "write_sdf": ("mlscli.io.writing.sdf", "write_sdf"),

@@ -23,8 +23,8 @@ from benchmarks import figures
 from docs.gallery.make import CAPTION, WIDTH, hamlet, pixels, save
 from docs.gallery.render import View, render
 from mlscli.config import load
+from mlscli.io.writing.clouds import write_cloud
 from mlscli.io.writing.grid_map import TYPE, write_grid_map
-from mlscli.io.writing.las import write_las
 from mlscli.io.writing.nav2 import write_nav2
 from mlscli.io.writing.octomap import write_octomap
 from mlscli.io.writing.sdf import write_sdf
@@ -77,7 +77,7 @@ def octomap() -> None:
 def pointcloud() -> None:
     """Draw patches as points, by origin and by level, walls filled; the nearest in front."""
     with tempfile.TemporaryDirectory() as folder:
-        write_las(Path(folder, "hamlet.las"), hamlet(), filled=True)
+        write_cloud(Path(folder, "hamlet.las"), hamlet(), filled=True)
         cloud = laspy.read(Path(folder, "hamlet.las"))
     xyz = np.asarray(cloud.xyz) @ View(68, 30).axes().T
     order = np.argsort(xyz[:, 2])

@@ -154,7 +154,7 @@ def given_size_doubts(
     if step > _COARSE_STEP * size:
         doubts.append(
             f"map.cell_size {size:g}: a coordinate lies on steps of {step:g}, as float32 has them "
-            "so far from 0; digits are lost, and were kept in double numbers, or nearer to 0"
+            "so far from 0; its digits are lost: store doubles, or coordinates nearer to 0"
         )
     if gap > _MANY_TIMES * vehicle_height:
         doubts.append(

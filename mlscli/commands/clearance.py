@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json, overwrite, say
+from mlscli.commands.options import as_json, least_lines, overwrite, say
 from mlscli.commands.query import NOT_KEPT
 from mlscli.commands.reading import Numbers
 from mlscli.errors import UsageError
@@ -50,14 +50,7 @@ _MOST_STRETCHES = 12
     metavar="FILE",
     help="Along the positions in a file: TUM, CSV, or whatever mls build --route reads.",
 )
-@click.option(
-    "--least",
-    type=click.IntRange(1, 255),
-    default=2,
-    show_default=True,
-    metavar="N",
-    help="Space is free where so many sight lines passed through it.",
-)
+@least_lines
 @click.option(
     "--mcap",
     metavar="FILE",

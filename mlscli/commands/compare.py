@@ -131,8 +131,7 @@ def _changes(a: str, b: str, as_json: bool) -> int:
     from mlscli.io.writing.npz import read_map
     from mlscli.scoring import changes
 
-    before = read_map(a)
-    result = changes(before, read_map(b))
+    result = changes(read_map(a), read_map(b))
     if as_json:
         click.echo(json.dumps({"a": a, "b": b, **result.to_dict()}, indent=2))
     else:

@@ -12,6 +12,7 @@ from mlscli.commands.maps import the_one_map
 from mlscli.commands.options import (
     as_json,
     coloured,
+    least_lines,
     overwrite,
     refuse_given,
     say,
@@ -76,14 +77,7 @@ from mlscli.errors import UsageError
     metavar="Z",
     help="Of nav2: what a craft meets whose middle flies there, in place of storeys.",
 )
-@click.option(
-    "--least",
-    type=click.IntRange(1, 255),
-    default=2,
-    show_default=True,
-    metavar="N",
-    help="Space is free where so many sight lines passed through it.",
-)
+@least_lines
 @click.option(
     "--filled",
     is_flag=True,

@@ -244,13 +244,13 @@ def _refuse_world(target: Path, options: dict[str, Any]) -> None:
 
 
 def _cloud(order: Order) -> Written:
-    from mlscli.io.writing.las import write_las
-    from mlscli.io.writing.pcd import write_pcd
+    from mlscli.io.writing.clouds import write_cloud
 
     options = order.options
-    points, off = {"pcd": write_pcd, "las": write_las}[options["kind"]](
+    points, off = write_cloud(
         order.target,
         order.surface,
+        options["kind"],
         filled=options["filled"],
         artificial=not options["no_artificial"],
         as_recorded=options["as_recorded"],

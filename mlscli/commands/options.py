@@ -67,6 +67,15 @@ without_artificial = click.option(
     "--no-artificial", is_flag=True, help="Leave out artificial (red) patches."
 )
 
+least_lines = click.option(
+    "--least",
+    type=click.IntRange(1, 255),
+    default=2,
+    show_default=True,
+    metavar="N",
+    help="Space is free where so many sight lines passed through it.",
+)
+
 as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 
 

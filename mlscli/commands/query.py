@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json
+from mlscli.commands.options import as_json, least_lines
 from mlscli.errors import UsageError
 from mlscli.words import some
 
@@ -30,14 +30,7 @@ NOT_KEPT = "the map does not say what was seen through; build it with --free-spa
     required=True,
     help="A place, in the frame and the unit of the map; more may be named.",
 )
-@click.option(
-    "--least",
-    type=click.IntRange(1, 255),
-    default=2,
-    show_default=True,
-    metavar="N",
-    help="Space is free where so many sight lines passed through it.",
-)
+@least_lines
 @as_json
 def command(source: str, places: tuple[str, ...], least: int, as_json: bool) -> None:
     """Say what a map holds at places: levels, and free space between them.

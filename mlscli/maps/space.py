@@ -8,7 +8,7 @@ from mlscli.errors import UsageError, expect
 from mlscli.maps.cells import pack
 from mlscli.maps.free_space import FreeSpace, voxels_at
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8, UInt64
+from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8, UInt64, repeated
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.sorting import place_of
 
@@ -103,15 +103,11 @@ def known_voxels(surface: SurfaceMap, least: int = 2) -> tuple[Int64, UInt8]:
     count = int(sizes.sum()) + int(np.count_nonzero(enough))
     if count > MOST_VOXELS:
         raise UsageError(f"the map holds {count:,} voxels; at most {MOST_VOXELS:,} can be listed")
-    first = np.cumsum(sizes) - sizes
-    above = np.arange(sizes.sum()) - np.repeat(first, sizes)
-    occupied = np.column_stack(
-        [np.repeat(start, sizes) for start in (surface.ix, surface.iy, low)]
-    ).astype(np.int64)
-    occupied[:, 2] += above
-    voxels = np.concatenate((occupied, free.voxels[enough].astype(np.int64)))
+    patch, above = repeated(sizes)
+    taken = np.column_stack((surface.ix[patch], surface.iy[patch], low[patch] + above))
+    voxels = np.concatenate((taken, free.voxels[enough].astype(np.int64)))
     space = np.full(len(voxels), FREE, dtype=np.uint8)
-    space[: len(occupied)] = OCCUPIED
+    space[: len(taken)] = OCCUPIED
     return voxels, space
 
 

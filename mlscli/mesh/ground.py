@@ -9,7 +9,7 @@ import numpy as np
 from mlscli.maps.cells import cell_indices, on_grid
 from mlscli.maps.neighbours import is_at, sought
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.arrays import Float64, Int32, Int64, repeated
 from mlscli.runtime.kernels import inner, kernel
 
 # In a hole of the map ground is sought this many cells around.
@@ -71,8 +71,7 @@ def _steps(position: Float64, cell_size: float) -> Float64:
     pieces = np.hypot(leg[:, 0], leg[:, 1]) / cell_size
     pieces *= min(1.0, MAX_STEPS / max(pieces.sum(), 1.0))
     count = np.maximum(np.ceil(pieces), 1).astype(np.int64)
-    begin = np.repeat(np.arange(len(leg)), count)
-    step = np.arange(len(begin)) - np.repeat(np.cumsum(count) - count, count)
+    begin, step = repeated(count)
     share = step / count[begin]
     return np.concatenate((position[begin] + share[:, None] * leg[begin], position[-1:]))
 

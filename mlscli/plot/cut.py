@@ -12,7 +12,8 @@ from mlscli.errors import UsageError
 from mlscli.maps.cells import on_grid, pack
 from mlscli.maps.space import FREE, space_at
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
+from mlscli.queries.levels import levels_at
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, repeated
 
 # The cells of longer cuts would be narrower than a pixel.
 MAX_SECTION_CELLS = 200_000
@@ -114,10 +115,9 @@ def cut(surface: SurfaceMap, start: tuple[float, float], end: tuple[float, float
     share = np.unique(np.clip(np.concatenate(crossings), 0, 1))
     middle = line[0] + (share[:-1, None] + share[1:, None]) / 2 * (line[1] - line[0])
     cell = np.floor(middle / surface.cell_size).astype(np.int32)
-    place, step = _found(surface.cells.ix, surface.cells.iy, cell)
-    first = surface.cells.start
-    within, which = _listed(first[place], first[place + 1])
-    return Cut(cell[:, 0], cell[:, 1], share * length, step[which], within)
+    levels = levels_at(surface, middle)
+    step, _ = repeated(np.diff(levels.start))
+    return Cut(cell[:, 0], cell[:, 1], share * length, step, levels.patch)
 
 
 def in_words(*places: tuple[float, float], between: str = ",") -> str:
@@ -138,9 +138,10 @@ def seen_through(surface: SurfaceMap, met: Cut) -> Spaces | None:
     if space is None:
         return None
     half = surface.cell_size / 2
-    place, step = _found(space.ix, space.iy, np.column_stack((met.ix, met.iy)))
-    voxel, which = _listed(space.start[place], space.start[place + 1])
-    step, iz = step[which], space.iz[voxel].astype(np.float64)
+    keys, sought = pack(space.ix, space.iy), pack(met.ix, met.iy)
+    begin, end = (space.start[np.searchsorted(keys, sought, side)] for side in ("left", "right"))
+    step, place = repeated(end - begin)
+    iz = space.iz[begin[step] + place].astype(np.float64)
     across = [(index[step] + 0.5) * surface.cell_size for index in (met.ix, met.iy)]
     free = space_at(surface, np.column_stack((*across, (iz + 0.5) * half))) == FREE
     step, iz = step[free], iz[free]
@@ -212,20 +213,3 @@ def narrowest(spaces: Spaces, run: list[int]) -> Clearance:
     is_joint = np.arange(len(along)) >= len(run)
     place = np.lexsort((np.abs(along - middle), is_joint, ceiling - floor))[0]
     return Clearance(float(along[place]), float(floor[place]), float(ceiling[place]))
-
-
-def _found(ix: Int32, iy: Int32, cell: Int32) -> tuple[Int64, Int64]:
-    """Return which of the cells sought (S, 2) are listed: their places, and their numbers."""
-    keys, sought = pack(ix, iy), pack(cell[:, 0], cell[:, 1])
-    if not len(keys):
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    place = np.minimum(np.searchsorted(keys, sought), len(keys) - 1)
-    number = np.flatnonzero(keys[place] == sought)
-    return place[number], number
-
-
-def _listed(begin: Int64, end: Int64) -> tuple[Int64, Int64]:
-    """Return all of ``begin[i]:end[i]``, one range after the other, and the i of each."""
-    count = end - begin
-    which = np.repeat(np.arange(len(count)), count)
-    return np.arange(len(which)) + np.repeat(begin - np.cumsum(count) + count, count), which

@@ -10,7 +10,7 @@ import numpy as np
 from mlscli.errors import UsageError, expect
 from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, cell_indices, pack
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.runtime.arrays import Float64, Int64
+from mlscli.runtime.arrays import Float64, Int64, repeated
 from mlscli.runtime.kernels import kernel
 
 
@@ -57,9 +57,8 @@ def levels_at(surface: SurfaceMap, xy: Float64) -> Levels:
     array([], dtype=int64)
     """
     begin, end = _patches_at(surface, xy)
-    start = np.concatenate(([0], np.cumsum(end - begin)))
-    patch = np.arange(start[-1]) + np.repeat(begin - start[:-1], end - begin)
-    return Levels(start, patch)
+    place, level = repeated(end - begin)
+    return Levels(np.concatenate(([0], np.cumsum(end - begin))), begin[place] + level)
 
 
 def height_at(surface: SurfaceMap, xy: Float64, below: float | Float64 = np.inf) -> Float64:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlscli.errors import UsageError, expect
 from mlscli.maps.cells import on_grid
-from mlscli.runtime.arrays import Float64
+from mlscli.runtime.arrays import Float64, repeated
 
 # More pieces than this would take gigabytes.
 MOST_PIECES = 10_000_000
@@ -71,12 +71,10 @@ def pieces_of(polyline: Float64, cell_size: float) -> Pieces:
     if not len(moved):
         return Pieces(np.repeat(corner[:1], 2, axis=0), np.zeros(2))
     number = counts.astype(np.int64)
-    segment = np.repeat(np.arange(len(number)), number)
-    share = (np.arange(len(segment)) - np.repeat(np.cumsum(number) - number, number)) / np.repeat(
-        number, number
-    )
+    segment, place = repeated(number)
+    share = place / number[segment]
     before = np.concatenate(([0.0], np.cumsum(length)[:-1]))
-    place = first[segment] + share[:, None] * step[segment]
+    places = first[segment] + share[:, None] * step[segment]
     along = before[segment] + share * length[segment]
     end = math.fsum(length.tolist())
-    return Pieces(np.vstack((place, corner[-1:])), np.append(along, end))
+    return Pieces(np.vstack((places, corner[-1:])), np.append(along, end))

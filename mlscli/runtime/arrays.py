@@ -32,3 +32,27 @@ def frozen(array: Array) -> Array:
 
 # Counters in kernels begin with these: for literals, kernels would be compiled once more.
 ZERO, ONE = cast(int, np.int64(0)), cast(int, np.int64(1))
+
+
+def repeated(counts: Int64) -> tuple[Int64, Int64]:
+    """Return each number as often as it is counted, and which of its repeats each is.
+
+    Parameters
+    ----------
+    counts : int64 (N,)
+
+    Returns
+    -------
+    which : int64 (M,)
+        ``counts[0]`` times 0, ``counts[1]`` times 1, and so on.
+    place : int64 (M,)
+        0, 1, ... up to ``counts[i] - 1`` for each i.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> repeated(np.array([2, 0, 3]))
+    (array([0, 0, 2, 2, 2]), array([0, 1, 0, 1, 2]))
+    """
+    which = np.repeat(np.arange(len(counts)), counts)
+    return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -165,6 +165,13 @@ def _outside(boxes: Float64, box: int, x: float, y: float, z: float) -> float:
     return float(dx * dx + dy * dy + dz * dz)
 
 
+@inner
+def _square(points: Float64, row: int, x: float, y: float, z: float) -> float:
+    """Return the squared distance of a point from a place."""
+    dx, dy, dz = points[row, 0] - x, points[row, 1] - y, points[row, 2] - z
+    return float((dx * dx + dy * dy) + dz * dz)
+
+
 @kernel
 def _nearest(
     points: Float64,
@@ -220,8 +227,7 @@ def _nearest(
                 waiting += away[waiting] <= worst
             for i in range(begin, end):
                 row = np.int64(rows[i])
-                dx, dy, dz = points[row, 0] - x, points[row, 1] - y, points[row, 2] - z
-                d = (dx * dx + dy * dy) + dz * dz
+                d = _square(points, rows[i], x, y, z)
                 if not (d < worst or (d == worst and row < last)):
                     continue
                 place = min(size, count - 1)
@@ -270,6 +276,4 @@ def _count(
                     waiting += 1
                 continue
             for i in range(begin, end):
-                row = rows[i]
-                dx, dy, dz = points[row, 0] - x, points[row, 1] - y, points[row, 2] - z
-                counts[m] += (dx * dx + dy * dy) + dz * dz <= limit
+                counts[m] += _square(points, rows[i], x, y, z) <= limit

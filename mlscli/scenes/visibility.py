@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.runtime.arrays import Float64, Int32, Int64
+from mlscli.runtime.arrays import Float64, Int32, Int64, repeated
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import in_ranges
 from mlscli.scenes.surfaces import Scene, edges
@@ -160,13 +160,12 @@ def _squares(low: Float64, high: Float64, side: float) -> Squares:
     begin = ((low - (x, y)) / side).astype(np.int64)
     end = ((high - (x, y)) / side).astype(np.int64)
     wide, deep = (end - begin + 1).T
-    member = np.repeat(np.arange(len(low), dtype=np.int32), wide * deep)
-    place = np.arange(len(member)) - np.repeat(np.cumsum(wide * deep) - wide * deep, wide * deep)
+    member, place = repeated(wide * deep)
     column = begin[member, 0] + place // deep[member]
     square = column * rows + begin[member, 1] + place % deep[member]
     order = np.argsort(square, kind="stable")
     start = np.searchsorted(square[order], np.arange(columns * rows + 1))
-    return Squares(x, y, side, columns, rows, start, member[order])
+    return Squares(x, y, side, columns, rows, start, member[order].astype(np.int32))
 
 
 @kernel

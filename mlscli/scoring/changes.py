@@ -22,7 +22,7 @@ from scipy.spatial import KDTree
 from mlscli.errors import UsageError, expect
 from mlscli.maps.space import occupied
 from mlscli.maps.surface_map import MEASURED, SurfaceMap
-from mlscli.runtime.arrays import Bool, Int64
+from mlscli.runtime.arrays import Bool, Int64, repeated
 from mlscli.scoring.comparison import require_same_cells
 from mlscli.scoring.kernels import Patches, covered, nearby
 
@@ -176,14 +176,12 @@ def _not_looked_at(one: SurfaceMap, other: SurfaceMap, seen_through: Int64) -> i
 
 
 def _holds(patches: Patches, voxels: Int64, cell_size: float) -> Bool:
-    """Return which patches reach into one of some voxels."""
-    half = cell_size / 2
-    order = np.lexsort(voxels.T[::-1])
-    ix, iy, iz = voxels[order].T
-    near = nearby(patches.ix, patches.iy, ix.astype(np.int32), iy.astype(np.int32), 0)[:, 0]
-    holds = np.zeros(len(near), dtype=np.bool_)
-    for patch in np.flatnonzero(near[:, 1] > near[:, 0]):
-        low, high = (np.floor(end[patch] / half) for end in (patches.low, patches.high))
-        heights = iz[slice(*near[patch])]
-        holds[patch] = ((heights >= low) & (heights <= high)).any()
+    """Return which patches reach into one of some voxels (N, 3)."""
+    ix, iy, iz = voxels[np.lexsort(voxels.T[::-1])].T
+    begin, end = nearby(patches.ix, patches.iy, ix.astype(np.int32), iy.astype(np.int32), 0)[:, 0].T
+    patch, place = repeated(end - begin)
+    low, high = (np.floor(each / (cell_size / 2)) for each in (patches.low, patches.high))
+    height = iz[begin[patch] + place]
+    holds = np.zeros(len(begin), dtype=np.bool_)
+    holds[patch[(height >= low[patch]) & (height <= high[patch])]] = True
     return holds

@@ -11,7 +11,7 @@ from mlscli.maps.levels import level_of
 from mlscli.maps.recorded import as_recorded as turned_back
 from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.maps.uncovering import patch_places
-from mlscli.runtime.arrays import Array, Float64, Int64
+from mlscli.runtime.arrays import Array, Float64, Int64, repeated
 
 MOST_POINTS = 2**28
 
@@ -34,10 +34,13 @@ class Cloud(NamedTuple):
     xyz : float64 (N, 3)
     fields : dict of str to array (N,)
         As `FIELDS` has it; variance and uncertainty are NaN where they are not known.
+    cell_size : float
+        Of the map, in its unit.
     """
 
     xyz: Float64
     fields: dict[str, Array]
+    cell_size: float
 
 
 def cloud_of(
@@ -86,7 +89,7 @@ def cloud_of(
     if as_recorded:
         xyz = turned_back(xyz, surface.meta)
     fields = {name: columns[name].astype(dtype)[patch] for name, (dtype, _) in FIELDS.items()}
-    return Cloud(xyz, fields)
+    return Cloud(xyz, fields, surface.cell_size)
 
 
 def _points(surface: SurfaceMap, filled: bool) -> tuple[Int64, Float64]:
@@ -98,7 +101,6 @@ def _points(surface: SurfaceMap, filled: bool) -> tuple[Int64, Float64]:
     if count > MOST_POINTS:
         raise UsageError(f"`filled`: would be {count:,.0f} points; at most {MOST_POINTS:,}")
     numbers = spaces.astype(np.int64) + 1
-    patch = np.repeat(np.arange(surface.size), numbers)
-    place = np.arange(len(patch)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
+    patch, place = repeated(numbers)
     share = place / np.maximum(numbers[patch] - 1, 1)
     return patch, share * surface.depth[patch]
