@@ -18,8 +18,9 @@ from mlscli.errors import InputError
 from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
+from mlscli.io.plausibility.readings import likelier, sample
 from mlscli.io.source import side_by_side
-from mlscli.runtime.arrays import Array
+from mlscli.runtime.arrays import Array, Float64
 
 # numpy's type for each name, that of 1994 and the later one.
 _TYPES = {
@@ -60,6 +61,14 @@ class PlyCloud(PointFile):
         read = self._records if header.order else self._rows
         columns, notes, losses = read(header, vertex, wanted)
         points = side_by_side(columns[:3])
+        if header.order and _are_swapped(points, columns[:3]):
+            columns = [_swapped(column) for column in columns]
+            points = side_by_side(columns[:3])
+            stated, found = ("big", "little") if header.order == ">" else ("little", "big")
+            notes.append(
+                f"{self.path}: its header says binary_{stated}_endian, but its numbers are "
+                f"{found}-endian, and are read so"
+            )
         clouds = by_keyframe(points, columns[3] if len(columns) > 3 else None)
         return Content(clouds, notes, losses)
 
@@ -205,6 +214,25 @@ class _Element:
         except (IndexError, ValueError):
             return False
         return at == len(words)
+
+
+def _are_swapped(points: Float64, columns: Sequence[Array]) -> bool:
+    """Return whether the bytes of coordinates (N,) certainly stand in the other order.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+        The coordinates as they were read.
+    columns : sequence of three arrays (N,)
+        The same.
+    """
+    some = sample(points)
+    return likelier(points[some], [side_by_side([_swapped(axis[some]) for axis in columns])]) == 0
+
+
+def _swapped(column: Array) -> Array:
+    """Return numbers as their bytes read in the other order."""
+    return column.view(column.dtype.newbyteorder())
 
 
 class _Picker(NamedTuple):

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mlscli.runtime.arrays import Float64, Int64, UInt8
+from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8
 
 _RUN, _RUNS = 32, 8
 """What of a cloud is looked at: this many points that follow one another, at so many places."""
@@ -57,9 +57,9 @@ def sample(points: Float64) -> Int64:
         return np.arange(count)
     starts = np.arange(_RUNS) * (count - _RUN) // (_RUNS - 1)
     some = (starts[:, None] + np.arange(_RUN)).ravel()
-    if np.count_nonzero(points[some].any(axis=1)) < _RUN:
+    if np.count_nonzero(_are_some(points[some])) < _RUN:
         # Most are no returns.
-        others = np.flatnonzero(points.any(axis=1))
+        others = np.flatnonzero(_are_some(points))
         some = others[: _RUN * _RUNS] if len(others) else some
     return some
 
@@ -108,7 +108,9 @@ def likelier(stated: Float64, others: Sequence[Float64]) -> int | None:
         -1: as stated; else the index of one of the others, which is then certain. None: this
         cannot be told.
     """
-    if not stated.any() or all(np.array_equal(stated, each, equal_nan=True) for each in others):
+    if not _are_some(stated).any() or all(
+        np.array_equal(stated, each, equal_nan=True) for each in others
+    ):
         return -1
     if np.isnan(stated).all():
         return -1
@@ -121,6 +123,13 @@ def likelier(stated: Float64, others: Sequence[Float64]) -> int | None:
     if score - stated_score > _CERTAIN:
         return best if share >= _SHARE else None
     return _by_neighbours(stated, others)
+
+
+def _are_some(points: Float64) -> Bool:
+    """Return which of points (N, 3) are not 0."""
+    # Signalling NaNs, as of bytes in the wrong order, are no reason to warn.
+    with np.errstate(invalid="ignore"):
+        return np.asarray(points.any(axis=1))
 
 
 def is_scene(points: Float64) -> bool:

@@ -58,7 +58,9 @@ class Upright:
         """Return points (N, 3) turned, without negative zeros; `points` may be overwritten."""
         turned = self._turn(points)
         # In place, if possible, it takes half as long; the source does not mind 0.0 for -0.0.
-        return np.add(turned, 0.0, out=turned if turned.flags.writeable else None)
+        # Signalling NaNs are no reason to warn.
+        with np.errstate(invalid="ignore"):
+            return np.add(turned, 0.0, out=turned if turned.flags.writeable else None)
 
     def position(self, position: tuple[float, float, float]) -> tuple[float, float, float]:
         """Turn a position like the points."""

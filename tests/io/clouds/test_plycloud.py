@@ -198,6 +198,34 @@ def test_the_building_comes_number_by_number(shared_data: Path) -> None:
     assert losses == []
 
 
+@pytest.mark.parametrize(("stated", "order"), [("big", "<"), ("little", ">")])
+@pytest.mark.parametrize("type_", ["float", "double", "short"])
+def test_the_data_decide_against_the_header_in_which_order_bytes_stand(
+    tmp_path: Path, stated: str, order: str, type_: str
+) -> None:
+    # As a scanner goes along, in millimetres.
+    points = np.rint(np.cumsum(random_points(), axis=0))
+    code = {"float": "f4", "double": "f8", "short": "i2"}[type_]
+    body = points.astype(f"{order}{code}").tobytes()
+    path = tmp_path / "a.ply"
+    header = ["element vertex 500", *(f"property {type_} {axis}" for axis in "xyz")]
+    path.write_bytes(ply(f"binary_{stated}_endian", *header, body=body))
+    source = PlyCloud(path)
+    (cloud,) = source.clouds()
+    assert cloud.points.tolist() == points.astype(code).tolist()
+    assert list(source.notes) == [
+        f"{path}: its header says binary_{stated}_endian, but its numbers are "
+        f"{'little' if stated == 'big' else 'big'}-endian, and are read so"
+    ]
+    path.write_bytes(
+        ply(f"binary_{'little' if order == '<' else 'big'}_endian", *header, body=body)
+    )
+    right = PlyCloud(path)
+    (cloud,) = right.clouds()
+    assert cloud.points.tolist() == points.astype(code).tolist()
+    assert list(right.notes) == []
+
+
 def random_points(count: int = 500) -> Float64:
     return np.random.default_rng(1).normal(size=(count, 3)) * 1e3
 
