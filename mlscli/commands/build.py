@@ -90,7 +90,7 @@ _NO_MAPS = (
 @click.option(
     "--replay",
     metavar="FILE",
-    help="Write the map as it grew, too: an MCAP file for Foxglove Studio and RViz, with the "
+    help="Write the map as it grew, too: an MCAP file for Lichtblick, Foxglove and RViz, with the "
     "recording's times.",
 )
 @configured

@@ -54,7 +54,7 @@ _MOST_STRETCHES = 12
 @click.option(
     "--mcap",
     metavar="FILE",
-    help="Write the way, coloured by its clearance, for Foxglove Studio and RViz.",
+    help="Write the way, coloured by its clearance, for Lichtblick, Foxglove and RViz.",
 )
 @overwrite
 @as_json

@@ -95,7 +95,7 @@ def command(source: str | None, as_json: bool, **options: Any) -> None:
 
     Without MAP the one map (.npz) in the current folder is taken. OBJ comes with a file of
     materials (.mtl) beside it. MCAP holds the finished map, uncovered as the flight saw it, for
-    Foxglove Studio and RViz. nav2 is what map_server reads, an image and a YAML file for each
+    Lichtblick, Foxglove and RViz. nav2 is what map_server reads, an image and a YAML file for each
     storey (NAME.1.yaml, ...) on which a robot can drive, or for a flying height; octomap is a .bt
     file of occupied, free and unknown space. pcd and las are its patches as points with fields;
     grid-map is a message of grid_map in MCAP; npz, netcdf and geotiff are layers by cell;

@@ -1,4 +1,4 @@
-"""The map as it grew, as an MCAP file of ROS 2 messages, for Foxglove Studio and RViz.
+"""The map as it grew, as an MCAP file of ROS 2 messages, for Lichtblick, Foxglove and RViz.
 
 ==================== ========================= =================================================
 topic                type                      content

@@ -69,7 +69,9 @@ def _open3d() -> Any:
         try:
             import open3d
         except (ImportError, OSError) as error:
-            raise OutputError(f"Open3D cannot be loaded ({error})") from error
+            raise OutputError(
+                f"Open3D cannot be loaded ({error}); pip install 'mlscli[window]'"
+            ) from error
     # Keep Open3D's messages out of the program's output.
     open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
     return open3d

@@ -167,7 +167,7 @@ def test_without_open3d_the_window_is_refused(monkeypatch: pytest.MonkeyPatch) -
     error = view("--window").exception
     assert isinstance(error, OutputError)
     assert "--window: Open3D cannot be loaded" in str(error)
-    assert "leave out --window" in str(error)
+    assert "pip install 'mlscli[window]'; leave out --window" in str(error)
 
 
 @pytest.mark.usefixtures("folder")
