@@ -20,6 +20,7 @@ from typing import NoReturn
 
 import click
 
+from mlscli.commands.completion import VARIABLE, completed
 from mlscli.errors import ConfigError, MlsError, nearest, with_options
 from mlscli.runtime.interrupts import when_safe
 from mlscli.runtime.notices import hear
@@ -43,6 +44,7 @@ COMMANDS = {
     ),
     "warmup": ("mlscli.commands.warmup", "Compile what is compiled when it is first needed."),
     "config": ("mlscli.commands.config", "Write, show and check parameters."),
+    "completion": ("mlscli.commands.completion", "Have a shell complete commands and their words."),
 }
 
 
@@ -66,7 +68,7 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = import_module(COMMANDS[cmd_name][0]).command
-        return command
+        return completed(command) if VARIABLE in os.environ else command
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
