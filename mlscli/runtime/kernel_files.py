@@ -21,7 +21,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
-from importlib.util import MAGIC_NUMBER
+from importlib import import_module
+from importlib.util import MAGIC_NUMBER, find_spec
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from types import FunctionType
@@ -31,6 +32,7 @@ import llvmlite  # type: ignore[import-untyped, unused-ignore]
 import numba
 import numpy as np
 from numba.core import caching, compiler, serialize, sigutils
+from numba.np import linalg
 
 from mlscli.runtime.kernel_sources import digest
 from mlscli.runtime.kernel_types import written
@@ -43,6 +45,7 @@ _config: Any = numba.config
 _Result: Any = compiler.CompileResult
 _dumps: Any = serialize.dumps
 _normalized: Any = sigutils.normalize_signature
+_linalg: Any = linalg
 
 GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 """The environment of a process that compiles for any processor of the platform."""
@@ -87,6 +90,7 @@ class KernelFiles(caching._Cache):  # type: ignore[misc, unused-ignore]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what a kernel was compiled to for the types of its arguments; None: nothing."""
+        _leave_scipy_out()
         # Without it, numba knows no types yet.
         target_context.refresh()
         processor = target_context.codegen().magic_tuple()
@@ -128,6 +132,26 @@ class KernelFiles(caching._Cache):  # type: ignore[misc, unused-ignore]
         )
         ending = hashlib.sha256("\n".join(depends).encode()).hexdigest()[:32]
         return f"{self._function.__module__}.{self._function.__qualname__}-{ending}.kernel"
+
+
+def _leave_scipy_out() -> None:
+    """Import what numba compiles with, but for scipy, which takes a third of a second.
+
+    numba imports it only to know whether it is there; whatever calls it imports it once more.
+    """
+    if "numba.np.arraymath" in sys.modules or not hasattr(_linalg, "ensure_blas"):
+        return
+    asks = _linalg.ensure_blas
+    _linalg.ensure_blas = _require_scipy
+    try:
+        import_module("numba.np.arraymath")
+    finally:
+        _linalg.ensure_blas = asks
+
+
+def _require_scipy() -> None:
+    if find_spec("scipy") is None:
+        raise ImportError("scipy is required for linear algebra")
 
 
 def _any_processor(processor: tuple[str, ...]) -> tuple[str, ...]:

@@ -108,6 +108,22 @@ def test_programs_that_compile_at_once_leave_whole_files(folder: Path) -> None:
     assert told(21) == (42, 63, 0)
 
 
+def test_numba_does_without_scipys_linear_algebra_until_somebody_calls_it() -> None:
+    script = """
+import sys
+from numba.np import linalg
+from mlscli.maps.strips import strips_of
+import numpy as np
+strips_of(np.zeros(2, dtype=np.uint64))
+from numba.np import arraymath
+print(arraymath._HAVE_BLAS, "scipy.linalg" in sys.modules)
+linalg.ensure_blas()
+print("scipy.linalg" in sys.modules)
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["True", "False", "True"]
+
+
 def test_a_program_that_can_write_nowhere_loads_what_came_with_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
