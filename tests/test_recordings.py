@@ -133,6 +133,7 @@ def test_a_tilting_laser_becomes_a_map_of_three_dimensions(shared_data: Path) ->
         [keyframe.points for keyframe in open_recording(bag, frame="laser").keyframes()]
     )
     recording = open_recording(bag)
+    assert all(keyframe.is_ranged for keyframe in recording.keyframes())
     points = np.concatenate([keyframe.points for keyframe in recording.keyframes()])
     surface = built(open_recording(bag), 0.2)
 

@@ -10,6 +10,8 @@ So there is a second witness. Points that lie together were often seen from diff
 depths err as those of triangulation do, those seen from afar lie farther off the plane through them
 all; if errors are the same everywhere, they do not, however rough the surface is.
 
+A laser measures ranges, which do not err so: its keyframes tell nothing.
+
 Nothing depends on which axis is up, nor on the order of the points of a keyframe: points are taken
 by the rank of their depths.
 """
@@ -73,7 +75,9 @@ class DepthNoise:
         self._passed = self._room = 0
 
     def add(self, keyframe: Keyframe) -> None:
-        """Take the next keyframe; only those with points and a position tell anything."""
+        """Take the next keyframe; only triangulated points with a position tell anything."""
+        if keyframe.is_ranged:
+            return
         inside = (np.abs(keyframe.points - keyframe.position) <= FARTHEST).all(axis=1)
         if not inside.any():
             return

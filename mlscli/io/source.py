@@ -45,6 +45,8 @@ class Cloud:
         Why points are not finite, and how many; those of which nothing more is known are left out.
     logged : float
         When it was recorded, in seconds; NaN where not known.
+    is_ranged : bool
+        Whether a laser measured it, as `Keyframe` has it.
     """
 
     points: Float64
@@ -56,6 +58,7 @@ class Cloud:
     axes: Axes = "unknown"
     unmeasured: tuple[tuple[str, int], ...] = ()
     logged: float = math.nan
+    is_ranged: bool = False
 
     @property
     def has_position(self) -> bool:

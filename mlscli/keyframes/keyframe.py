@@ -52,8 +52,12 @@ class Keyframe:
         Time in seconds; NaN where not known.
     position : tuple of float
         x, y, z of the craft in the map frame; NaN where not known.
+    is_ranged : bool
+        Whether a laser measured how far away the points are: they do not err as those do that are
+        triangulated.
     """
 
     points: Float64
     stamp: float = math.nan
     position: tuple[float, float, float] = UNKNOWN_POSITION
+    is_ranged: bool = False

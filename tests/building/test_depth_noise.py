@@ -7,6 +7,7 @@ up, or on the order of points; let everything be found, or nothing.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,13 @@ def test_it_is_none_where_errors_do_not_grow_with_the_depth() -> None:
         only_heights = Noise("thesis", Scatter(0.0, 0.05), 0.1)
         assert auto_noise(fly(make(scene), 0.15, only_heights, seed=4).keyframes) == 0.0
     assert auto_noise(flight("slam", 0.0, wrong=0.0).keyframes) == 0.0
+
+
+def test_what_a_laser_measured_tells_nothing_of_triangulation() -> None:
+    seen = flight("slam", 0.05).keyframes
+    ranged = [replace(keyframe, is_ranged=True) for keyframe in seen]
+    assert auto_noise(ranged) == 0.0
+    assert auto_noise([*seen, *ranged]) == auto_noise(seen) > 0.0
 
 
 def test_of_a_long_flight_some_looks_tell_what_all_do(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -128,7 +128,7 @@ class _Scans:
         placed[~hit] = np.nan
         x, y, z = matrix[3, :3].tolist()
         unmeasured = ((NOTHING_HIT, missed),) if missed else ()
-        return Cloud(placed, position=(x, y, z), unmeasured=unmeasured)
+        return Cloud(placed, position=(x, y, z), unmeasured=unmeasured, is_ranged=True)
 
     def _rows(self, missing: int) -> list[str]:
         """Return the next lines of a scan that misses so many; none where another one begins."""

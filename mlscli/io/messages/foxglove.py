@@ -52,7 +52,7 @@ def decode_foxglove_laserscan(message: Any) -> list[CloudPart]:
     angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
     beams, unmeasured = measured(ranges, 0.0, np.inf).accepted(MalformedCloudError)
     part = _part(message, polar(np.where(beams, ranges, np.nan), angles), None)
-    return [part._replace(unmeasured=unmeasured)]
+    return [part._replace(unmeasured=unmeasured, is_ranged=True)]
 
 
 def _part(message: Any, points: Float64, keyframes: Array | None) -> CloudPart:

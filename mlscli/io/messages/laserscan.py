@@ -32,7 +32,7 @@ def decode_laserscan(message: Any) -> list[CloudPart]:
     points = polar(np.where(beams, ranges, np.nan), angles)
     part = part_of(points, message.header.frame_id, message.header.stamp)
     doubts = tuple(filter(None, (turned.note, found.note)))
-    return [part._replace(doubts=doubts, unmeasured=unmeasured)]
+    return [part._replace(doubts=doubts, unmeasured=unmeasured, is_ranged=True)]
 
 
 def polar(ranges: Float64, angles: Float64) -> Float64:

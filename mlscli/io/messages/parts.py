@@ -42,6 +42,8 @@ class CloudPart(NamedTuple):
         What of the message contradicts its data, and what counts instead; see `Finding.note`.
     unmeasured : tuple of (str, int)
         Why points are NaN, and how many; those of which nothing more is known are left out.
+    is_ranged : bool
+        Whether a laser measured it.
     """
 
     points: Float64
@@ -51,6 +53,7 @@ class CloudPart(NamedTuple):
     skipped: int = 0
     doubts: tuple[str, ...] = ()
     unmeasured: tuple[tuple[str, int], ...] = ()
+    is_ranged: bool = False
 
     def split(self) -> list[Float64]:
         """Return the points (N, 3) of each keyframe, in order of first appearance."""

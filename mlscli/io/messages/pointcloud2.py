@@ -26,6 +26,8 @@ _SWAPPED = (
     "is_bigendian is set, but the data is little-endian, and is read so",
 )
 _NAMES = {"x", "y", "z"}
+# Which laser of several measured a point: drivers of spinning lidars, and Livox's.
+_LASERS = {"ring", "line"}
 _FLOATS = {"f4": 4, "f8": 8}
 _dtype = cache(np.dtype)
 _UNTOLD = "is_bigendian is set, and the data does not tell whether it is right; it is followed"
@@ -188,6 +190,7 @@ def decode_pointcloud2(message: Any) -> list[CloudPart]:
         )
         points, keyframes, doubt = packed.judged()
     part = part_of(points, message.header.frame_id, message.header.stamp, keyframes)
+    part = part._replace(is_ranged=not _LASERS.isdisjoint(fields))
     if found.note or doubt:
         part = part._replace(doubts=tuple(filter(None, (found.note, doubt))))
     return [part]

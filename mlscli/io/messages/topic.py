@@ -226,6 +226,7 @@ class TopicSource:
                         message=number,
                         unmeasured=told,
                         logged=logged,
+                        is_ranged=part.is_ranged,
                     )
                     for points in part.split()
                 ]

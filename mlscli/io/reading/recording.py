@@ -189,7 +189,7 @@ class Recording:
         witness = Witness(DOUBTING) if self._objection is None else None
         for cloud in self._clouds(witness, watched):
             known |= cloud.has_position
-            yield Keyframe(cloud.points, cloud.stamp, cloud.position)
+            yield Keyframe(cloud.points, cloud.stamp, cloud.position, cloud.is_ranged)
         self._is_republished = watched is not None and watched.is_noticed()
         self._is_loose = self._trajectory is not None and self._trajectory.is_timed and not known
         if self._trajectory is not None and not known:
@@ -239,7 +239,7 @@ class Recording:
             # A map that is published as a whole was seen from all along the route.
             if placed.has_position and (moves or not self._latest):
                 position = self._upright.position(placed.position)
-            yield Cloud(points, placed.stamp, position, placed.frame_id)
+            yield Cloud(points, placed.stamp, position, placed.frame_id, is_ranged=placed.is_ranged)
         if tally.points_read == sum(tally.dropped.values()) and not self._is_part:
             raise InputError(self._emptiness())
 

@@ -53,6 +53,7 @@ def test_each_scan_is_a_keyframe_in_the_common_frame_seen_from_its_scanner(
     assert first.position == (100, 200, 30)
     assert second.points.tolist() == POINTS.tolist()
     assert second.position == (0, 0, 0)
+    assert first.is_ranged
     assert (*source.notes, *source.losses) == ()
 
 

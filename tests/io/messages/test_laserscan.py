@@ -42,6 +42,7 @@ def test_beams_become_points_by_their_index(encoding: str) -> None:
     np.testing.assert_allclose(part.points, expected, rtol=1e-15)
     assert part.points.dtype == np.float64
     assert (part.frame_id, part.stamp) == ("laser", 2.25)
+    assert part.is_ranged
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)

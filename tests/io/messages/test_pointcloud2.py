@@ -192,6 +192,12 @@ def test_of_two_fields_with_one_name_the_first_counts() -> None:
     assert decode(cloud(fields=[*cloud().fields, again])).points[:, 0].tolist() == [1, 4]
 
 
+@pytest.mark.parametrize(("name", "is_ranged"), [("ring", True), ("line", True), ("rgb", False)])
+def test_the_number_of_a_laser_tells_that_lasers_measured(name: str, is_ranged: bool) -> None:
+    number = SimpleNamespace(name=name, offset=8, datatype=7, count=1)
+    assert decode(cloud(fields=[*cloud().fields, number])).is_ranged == is_ranged
+
+
 def test_a_cloud_tells_its_frame_and_time() -> None:
     part = decode(cloud())
 

@@ -78,6 +78,13 @@ def test_clouds_that_state_no_frame_are_taken_as_they_are(tmp_path: Path) -> Non
     assert recording.frame_id == "map"
 
 
+def test_a_keyframe_tells_whether_lasers_measured_it(tmp_path: Path) -> None:
+    sent = [Sent(np.ones((2, 3)), labels=[0, 1])]
+    for name in ("ring", "intensity"):
+        bag = write_bag(tmp_path / f"{name}.bag", sent, label_name=name)
+        assert [each.is_ranged for each in open_recording(bag)] == [name == "ring"]
+
+
 def test_clouds_of_a_sensor_need_their_frame_declared(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "a.bag", [Sent(np.ones((1, 3)), frame_id="lidar")])
 
