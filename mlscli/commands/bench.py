@@ -120,7 +120,8 @@ def command(
     parameters = load(config, settings)
     for target in (output, plot):
         if target is not None:
-            refuse_existing(target, overwrite=overwrite)
+            inputs = filter(None, (*clouds, config, compare, selection["route"]))
+            refuse_existing(target, overwrite=overwrite, sources=inputs)
     lost = False
     if sizes is not None:
         report = _pace(sizes, plot, compare, parameters, overwrite, as_json)

@@ -123,7 +123,7 @@ def command(
     from mlscli.building.sizes import given_size_doubts
     from mlscli.config import load
     from mlscli.io.reading.recording import open_recording
-    from mlscli.io.writing.atomic import refuse_existing
+    from mlscli.io.writing.atomic import is_same, refuse_existing
     from mlscli.io.writing.npz import write_map
     from mlscli.maps.surface_map import SurfaceMap
 
@@ -135,11 +135,12 @@ def command(
     target = output or default_output(sources[0])
     if Path(target).suffix.lower() in _NO_MAPS:
         raise UsageError(f"{target}: a map is a .npz file; mls export makes others of it")
-    refuse_existing(target, overwrite=overwrite, sources=sources)
+    inputs = [*sources, *filter(None, (config, selection["route"]))]
+    refuse_existing(target, overwrite=overwrite, sources=inputs)
     if replay is not None:
-        if Path(replay).absolute() == Path(target).absolute():
+        if is_same(replay, target):
             raise UsageError(f"--replay {replay}: is the map's name; choose another")
-        refuse_existing(replay, overwrite=overwrite, sources=sources)
+        refuse_existing(replay, overwrite=overwrite, sources=inputs)
     if dry_run:
         grows = _nobody if growing or replay is not None else None
         return dryrun.report_build(target, sources, parameters, grows, selection, as_json=as_json)

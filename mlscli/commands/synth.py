@@ -215,7 +215,8 @@ def command(
         "seed": seed,
         "visibility": not all_points,
     }
-    written = _Output(output, sensor_frame, overwrite)
+    inputs = (*clouds, *filter(None, (file, legs, selection["route"])))
+    written = _Output(output, sensor_frame, overwrite, inputs)
     if clouds:
         if all_points and features is not None:
             raise UsageError(f"--features {features}: --all-points records every point; drop one")
@@ -292,13 +293,16 @@ class _Output(NamedTuple):
         The file or folder; None: by the name of what is flown over.
     sensor_frame, overwrite : bool
         As in `write_bag`.
+    inputs : sequence of str
+        What is read, and never replaced.
     """
 
     name: str | None
     sensor_frame: bool
     overwrite: bool
+    inputs: Sequence[str]
 
-    def target(self, usual: str, sources: Sequence[str] = ()) -> tuple[Path, Kind]:
+    def target(self, usual: str) -> tuple[Path, Kind]:
         """Return what is written and its format; refuse what must not be, before any work."""
         from mlscli.io.writing.atomic import refuse_existing, refuse_sources
         from mlscli.io.writing.flight_bag import refuse_existing_bag
@@ -307,7 +311,7 @@ class _Output(NamedTuple):
         kind = _kind(target)
         if self.sensor_frame and kind == "text":
             raise UsageError(f"--sensor-frame: {target} is text, which has no frames; name a bag")
-        refuse_sources(target, sources)
+        refuse_sources(target, self.inputs)
         if kind == "text":
             refuse_existing(target, overwrite=self.overwrite)
         else:
@@ -345,7 +349,7 @@ def _over_scene(
     target, kind = written.target(f"{scene.name}.txt")
     stem = target.name if kind == "ros2" else target.stem
     beside = target.with_name(f"{stem}{TRUTH}")
-    refuse_existing(beside, overwrite=written.overwrite)
+    refuse_existing(beside, overwrite=written.overwrite, sources=written.inputs)
     true = truth(scene, *grids)
     flight = fly(scene, **flown)
     written.write(target, kind, flight)
@@ -388,9 +392,7 @@ def _over_scan(
     from mlscli.scenes.sceneio import load_legs
 
     first = Path(clouds[0]).resolve()
-    target, kind = written.target(
-        f"{first.name if first.is_dir() else first.stem}.flight.txt", clouds
-    )
+    target, kind = written.target(f"{first.name if first.is_dir() else first.stem}.flight.txt")
     by_hand = () if legs is None else load_legs(legs)
     recording = open_recording(*clouds, **selection)
     scan = Scan.of(", ".join(clouds), read_points(recording)).with_legs(*by_hand)

@@ -11,7 +11,6 @@ messages are due.
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -29,6 +28,7 @@ from mlscli.io.containers.ros2metadata import STORAGE, Metadata
 from mlscli.io.containers.sqlitefile import SqliteFile
 from mlscli.io.containers.streams import in_settled_order, in_time_order, united
 from mlscli.io.ros import METADATA_FILE
+from mlscli.runtime.temporary import temporary_folder
 from mlscli.words import some
 
 Storage: TypeAlias = SqliteFile | McapFile
@@ -256,8 +256,8 @@ class _BagFile:
         if self.storage is not None:
             yield self.storage
             return
-        with tempfile.TemporaryDirectory(prefix="mls-") as folder:
-            plain = Path(folder) / "plain"
+        with temporary_folder(None, "bag") as folder:
+            plain = folder / "plain"
             try:
                 with self.path.open("rb") as source, plain.open("wb") as target:
                     self.fault = decompress_file(source, target)

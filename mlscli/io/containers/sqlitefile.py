@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-import tempfile
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -23,6 +22,7 @@ from mlscli.io.containers.losses import DamagedError
 from mlscli.io.containers.messagefile import MessageFile
 from mlscli.io.containers.sqlitepages import Pages
 from mlscli.io.containers.sqlitetables import Database, MessageRows, Salvage, Tables, values
+from mlscli.runtime.temporary import temporary_folder
 
 MAGIC = b"SQLite format 3\0"
 
@@ -145,10 +145,10 @@ class SqliteFile(MessageFile):
             except (DamagedError, OSError) as error:
                 raise InputError(f"{self.name}: cannot be read: {error}") from error
             return
-        with tempfile.TemporaryDirectory(prefix="mls-") as folder:
+        with temporary_folder(None, "bag") as folder:
             path, mode = self.path, "mode=ro&immutable=1"
             if self._has_log():
-                path, mode = Path(folder) / "bag.db3", "mode=rw"
+                path, mode = folder / "bag.db3", "mode=rw"
                 self._copy_with_logs(path)
             try:
                 connection = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)

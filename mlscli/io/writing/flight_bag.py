@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 import sqlite3
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,7 +23,7 @@ import numpy as np
 
 from mlscli.errors import OutputError, UsageError, expect_path
 from mlscli.io.ros import METADATA_FILE, NANOSECONDS
-from mlscli.io.writing.atomic import refuse_existing
+from mlscli.io.writing.atomic import behind, refuse_existing
 from mlscli.io.writing.bag_messages import (
     CLOUD_TYPE,
     ODOMETRY_TYPE,
@@ -37,6 +35,7 @@ from mlscli.io.writing.bag_messages import (
 )
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Float64
+from mlscli.runtime.temporary import KEPT, temporary_folder
 
 CLOUD, ODOMETRY = "/cloud", "/odom"
 TOPICS = {TF_STATIC: TF_TYPE, TF: TF_TYPE, ODOMETRY: ODOMETRY_TYPE, CLOUD: CLOUD_TYPE}
@@ -137,26 +136,20 @@ def whole_bag(
         As `refuse_existing_bag`, and where the bag cannot be written.
     """
     expect_path(path, "path", "the bag to write")
-    target = Path(path)
-    refuse_existing_bag(target, kind, overwrite=overwrite)
-    target = target.absolute()
+    refuse_existing_bag(path, kind, overwrite=overwrite)
+    target = behind(Path(path))
     try:
         # In a temporary folder the bag has its name from the beginning: its metadata hold it.
-        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    try:
-        made = folder / (target.name if kind != "mcap" else "bag")
-        yield made
-        if kind == "mcap":
-            # The writer makes a folder around the one file.
-            made = made / "bag.mcap"
-        refuse_existing_bag(target, kind, overwrite=overwrite)
-        _replace(target, made, folder / "replaced")
+        with temporary_folder(target.parent, target.name) as folder:
+            made = folder / (target.name if kind != "mcap" else "bag")
+            yield made
+            if kind == "mcap":
+                # The writer makes a folder around the one file.
+                made = made / "bag.mcap"
+            refuse_existing_bag(path, kind, overwrite=overwrite)
+            _replace(target, made, folder / KEPT)
     except (OSError, sqlite3.Error) as error:
         raise _unwritable(target, error) from error
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _replace(target: Path, made: Path, aside: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +16,7 @@ from mlscli.io.writing.obj import write_obj
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import Mesh, mesh_of
 from mlscli.runtime.arrays import Float64, Int32
+from mlscli.runtime.temporary import temporary_folder
 
 VERSION = "1.7"
 WORLD, MODEL = "map", "surface"
@@ -86,7 +86,7 @@ def write_sdf(
     shown = _only(mesh, used, vertices - middle)
     place = float(middle[0]), float(middle[1]), float(middle[2])
     files = [target, *(target.with_suffix(ending) for ending in (".obj", ".mtl"))]
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder(None, "sdf") as folder:
         made = Path(folder, files[1].name)
         write_obj(made, shown)
         contents = [_world(files[1].name, place), *(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import re
 import signal
-import tempfile
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +13,7 @@ from typing import Any
 
 from mlscli.errors import ClusterError, UsageError
 from mlscli.pipeline.tilewise.cluster import Cluster, first_line
+from mlscli.runtime.temporary import temporary_folder
 from mlscli.runtime.threads import processors
 
 LOCAL = "local"
@@ -134,8 +134,8 @@ def _shake_hands(address: str, distributed: Any) -> None:
 def _started(dask: Any, distributed: Any) -> Iterator[Any]:
     """Start a cluster on this machine."""
     with ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mls-"))
-        stack.enter_context(dask.config.set({"temporary-directory": folder}))
+        folder = stack.enter_context(temporary_folder(None, "cluster"))
+        stack.enter_context(dask.config.set({"temporary-directory": str(folder)}))
         with _interrupts_held():
             local = distributed.LocalCluster(
                 n_workers=0,
