@@ -9,6 +9,9 @@ and again, from the same place or on another pass, does not shrink it:
   is that of a usual keyframe;
 - where points lie in clusters, far apart beside their width, it is that of the clusters.
 
+Where points spread farther across surfaces than such a cell can hold, and no stage moves them along
+their rays, it is made wider, until it holds them.
+
 What tells levels apart depends on walls: see `mlscli.building.gap_size`.
 """
 
@@ -24,7 +27,14 @@ import numpy as np
 from mlscli.building.gap_size import REACH, roughness_of, two_digits, with_gap_size
 from mlscli.errors import InputError, expect, expect_items
 from mlscli.geometry.roughness import Roughness, roughness
-from mlscli.geometry.spacing import NEIGHBOUR, Spacing, of_one_look, spacing, without_clusters
+from mlscli.geometry.spacing import (
+    NEIGHBOUR,
+    Neighbourhoods,
+    Spacing,
+    of_one_look,
+    spacing,
+    without_clusters,
+)
 from mlscli.keyframes.keyframe import Keyframe, require_points
 from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.runtime.arrays import Array, Float64
@@ -44,6 +54,9 @@ _MOST_CELLS = 1e8
 # Noise that is even over a cell has a standard deviation of 1 / sqrt(12) of it. A little more of it
 # than that leaves nothing of the cell's own.
 _MOST_NOISE = 1.3
+# Cells widen by such steps until they are as wide as what noise spreads over, where floors hardly
+# ever turn into walls any more. What so many times the width does not hold is no surface.
+_WIDER, _WIDEST = 1.2, 5.0
 
 
 @dataclass(frozen=True)
@@ -120,11 +133,20 @@ def fit_sizes(
     del whole
     cell_size = two_digits(2 * found.distance)
     rough = roughness(found.cloud, REACH * cell_size)
-    reasons = {"cell_size": f"auto: twice the usual distance of a point to its fourth {why}"}
+    reason = f"auto: twice the usual distance of a point to its fourth {why}"
+    doubts = []
+    if _too_rough(cell_size, rough) and not parameters.moves_along_rays:
+        held = _holding_noise(found.cloud, cell_size, _COARSE * sides[0])
+        if held is not None:
+            finer, (cell_size, rough) = cell_size, held
+            usual = f"{finer:g}, {reason.removeprefix('auto: ')}, would be finer"
+            reason = f"auto: as wide as noise spreads across surfaces; {usual}"
+            doubts.append(f"{_finer(finer, rough)}; {cell_size:g} is taken")
+    reasons = {"cell_size": reason}
     settled = parameters.with_cell_size(cell_size)
     if parameters.map.gap_size == AUTO:
         settled, reasons["gap_size"] = with_gap_size(parameters, cell_size, rough)
-    return FittedSizes(settled, reasons, list(_doubts(cell_size, rough, sides)))
+    return FittedSizes(settled, reasons, [*doubts, *_doubts(cell_size, rough, sides)])
 
 
 def given_size_doubts(
@@ -165,7 +187,7 @@ def given_size_doubts(
 
 
 def auto_cell_size(xyz: Float64) -> float:
-    """Return the size of cells that suits points; see `fit_sizes`.
+    """Return the size of cells that suits points by how far apart they lie; see `fit_sizes`.
 
     Parameters
     ----------
@@ -224,6 +246,50 @@ def _distance(
     return clusters, ", ".join(words)
 
 
+def _even(rough: Roughness) -> float:
+    """Return over how much noise spreads across surfaces, if it does so evenly."""
+    return 12**0.5 * rough.noise
+
+
+def _too_rough(cell_size: float, rough: Roughness) -> bool:
+    return _even(rough) > _MOST_NOISE * cell_size
+
+
+def _finer(cell_size: float, rough: Roughness) -> str:
+    return (
+        f"cell_size: auto: {cell_size:g} is finer than the noise of the points, which spread over "
+        f"{_even(rough):.2g} across surfaces"
+    )
+
+
+def _holding_noise(
+    cloud: Neighbourhoods, cell_size: float, widest: float
+) -> tuple[float, Roughness] | None:
+    """Return the first wider cells that noise does not spread beyond, and the noise; else None.
+
+    The wider the cells, the fewer of the points are asked: else the nearest neighbours of a point
+    would all lie with it in the midst of the noise, and show little of it.
+
+    Parameters
+    ----------
+    cloud : Neighbourhoods
+    cell_size : float
+        That is finer than the noise.
+    widest : float
+        The widest cells that are believed, in the unit of the recording.
+    """
+    points, wider = cloud.points, two_digits(_WIDER * cell_size)
+    while wider <= min(widest, _WIDEST * cell_size):
+        # As many lie in a cube of such cells as did in one of the finer ones.
+        size = max(int(len(points) * (cell_size / wider) ** 3), 1)
+        asked = Neighbourhoods(points[cloud.some(size)], is_distinct=True)
+        rough = roughness(asked, REACH * wider)
+        if 0 < _even(rough) <= wider:
+            return wider, rough
+        wider = two_digits(_WIDER * wider)
+    return None
+
+
 def _sides(points: Float64) -> tuple[float, float]:
     """Return how long and how wide the scene is, in x or in y, without its outermost points."""
     outside = int(_OUTSIDE * len(points))
@@ -246,13 +312,9 @@ def _doubts(cell_size: float, rough: Roughness, sides: tuple[float, float]) -> I
     sides : tuple of float
         Those of the scene, the longer first.
     """
-    even = 12**0.5 * rough.noise
-    if even > _MOST_NOISE * cell_size:
-        yield (
-            f"cell_size: auto: {cell_size:g} is finer than the noise of the points, which spread "
-            f"over {even:.2g} across surfaces; set map.cell_size to {even / _MOST_NOISE:.2g} "
-            "or more"
-        )
+    if _too_rough(cell_size, rough):
+        least = _even(rough) / _MOST_NOISE
+        yield f"{_finer(cell_size, rough)}; set map.cell_size to {least:.2g} or more"
     length, width = sides
     scene = f"a scene of {length:.4g} by {width:.4g}"
     cells = (length / cell_size + 1) * (width / cell_size + 1)

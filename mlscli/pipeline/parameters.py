@@ -231,6 +231,14 @@ class Parameters:
         """Whether a stage needs to know how the depths of the recording err."""
         return any(isinstance(stage, Rays) and stage.noise == "auto" for stage in self.pipeline)
 
+    @property
+    def moves_along_rays(self) -> bool:
+        """Whether it is known how depths err, so that a stage moves points along their rays."""
+        return any(
+            isinstance(stage, Rays) and isinstance(stage.noise, int | float) and stage.noise > 0
+            for stage in self.pipeline
+        )
+
     def with_noise(self, noise: float) -> Parameters:
         """Return the same parameters with this `noise` for each stage `rays` that has ``auto``."""
         return replace(

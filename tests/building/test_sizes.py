@@ -289,14 +289,39 @@ def doubts(points: Float64 | Sequence[Keyframe]) -> list[str]:
     return fit_sizes(points).doubts
 
 
-def test_cells_finer_than_the_noise_are_doubted() -> None:
-    rng = np.random.default_rng(11)
-    (doubt,) = doubts(floor(rng, 60_000, sigma=0.2))
+def cell_in(sizes: FittedSizes) -> float:
+    size = sizes.parameters.map.cell_size
+    assert isinstance(size, float)
+    return size
+
+
+def test_a_dense_noisy_floor_gets_cells_that_hold_its_noise() -> None:
+    points = floor(np.random.default_rng(11), 12_000, 6.0, 0.15)
+    sizes = fit_sizes(points)
+    # Noise of this sigma is as wide as sqrt(12) of it, where it is even.
+    assert 2.4 < cell_in(sizes) / 0.15 < 4.2
+    (doubt,) = sizes.doubts
     assert "is finer than the noise" in doubt
-    # Its advice is right: such cells hold the noise.
-    advised = float(doubt.split("to ")[-1].split()[0])
-    assert 0.5 < advised / 0.2 < 3.5
-    assert doubts(floor(rng, 6000, sigma=0.01)) == []
+    assert doubt.endswith(f"; {cell_in(sizes):g} is taken")
+    surface = mlscli.build_map(points)
+    assert np.mean(surface.depth > 0) < 0.03
+    assert doubts(floor(np.random.default_rng(11), 6000, sigma=0.01)) == []
+
+
+def test_cells_stay_as_fine_as_points_that_lie_on_no_surface() -> None:
+    cube = np.random.default_rng(11).uniform(0, 10, (9000, 3))
+    sizes = fit_sizes(cube)
+    assert cell_in(sizes) == auto_cell_size(cube)
+    (doubt,) = sizes.doubts
+    assert "is finer than the noise" in doubt
+    # Its advice is right: wider cells.
+    assert float(doubt.split("to ")[-1].split()[0]) > auto_cell_size(cube)
+
+
+def test_noise_that_a_stage_moves_points_out_of_makes_no_cells_wider() -> None:
+    points = floor(np.random.default_rng(11), 8000, 6.0, 0.15)
+    moved, left = (fit_sizes(points, Parameters().with_noise(noise)) for noise in (0.01, 0.0))
+    assert cell_in(moved) == auto_cell_size(points) < cell_in(left)
 
 
 def test_cells_beyond_number_are_doubted() -> None:
