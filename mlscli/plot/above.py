@@ -121,6 +121,8 @@ def draw_above(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame, pain
     axes.set_xlim(extent[0], extent[1])
     axes.set_ylim(extent[2], extent[3])
     axes.set_aspect("equal")
+    # Coordinates of a survey in full, not as what is to be added to a number in the corner.
+    axes.ticklabel_format(style="plain", useOffset=False)
     axes.tick_params(labelsize=8, colors=INK, length=3)
     for spine in axes.spines.values():
         spine.set_color("#999999")
