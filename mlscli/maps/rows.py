@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.maps.strips import STRIP_BITS
-from mlscli.runtime.arrays import ONE, ZERO, Int64, UInt64
+from mlscli.runtime.arrays import ONE, ZERO, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
 
@@ -35,21 +34,6 @@ def merged(rows: UInt64, others: UInt64) -> UInt64:
             n = copied(others, j, ONE, both, n)
             j += 1
     return both
-
-
-@kernel
-def starts(rows: UInt64, strips: UInt64) -> Int64:
-    """Return where the rows of each strip begin and end, int64 (S, 2); rows and strips ascend."""
-    start = np.empty((len(strips), 2), dtype=np.int64)
-    i = 0
-    for s in range(len(strips)):
-        while i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) < strips[s]:
-            i += 1
-        start[s, 0] = i
-        while i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) == strips[s]:
-            i += 1
-        start[s, 1] = i
-    return start
 
 
 @inner

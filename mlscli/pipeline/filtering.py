@@ -13,8 +13,8 @@ import numpy as np
 
 from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import CellSet, pack
+from mlscli.maps.kept_rows import KeptRows
 from mlscli.maps.rows import merged
-from mlscli.maps.tiled_rows import TiledRows
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.pipeline.stages.stage import PointStage
@@ -56,14 +56,14 @@ class FilteredPoints:
 
     def __init__(self, stage: PointStage | None) -> None:
         self._stage = stage
-        self._tiles = TiledRows(_WORDS)
+        self._rows = KeptRows(_WORDS)
 
     def add(self, pipeline: Pipeline, points: Points) -> Outcome:
         """Add points, and return the outcome in the cells where it changes."""
         new = _rows_of(points, pipeline.cell_size)
         cells = CellSet.of_keys(new[:, _CELL])
-        rows = merged(self._tiles.extract(cells), new)
-        self._tiles.put(cells, rows)
+        rows = merged(self._rows.extract(cells), new)
+        self._rows.put(cells, rows)
         return self._filtered(pipeline, Outcome(cells, rows), new[:0], new)
 
     def replace(self, pipeline: Pipeline, given: Outcome) -> tuple[Outcome, int]:
@@ -82,20 +82,20 @@ class FilteredPoints:
         more : int
             How many more points this stage reads than before.
         """
-        before, rows = self._tiles.extract(given.cells), _passed_on(given.rows)
-        self._tiles.put(given.cells, rows)
+        before, rows = self._rows.extract(given.cells), _passed_on(given.rows)
+        self._rows.put(given.cells, rows)
         outcome = self._filtered(pipeline, Outcome(given.cells, rows), before, rows)
         return outcome, len(rows) - len(before)
 
     def kept(self) -> Points:
         """Return all points that the stage has not dropped, as it left them."""
-        return kept(self._tiles.whole())
+        return kept(self._rows.whole())
 
     def kept_near(self, cells: CellSet, cell_size: float) -> Points:
         """Return all points that the stage has placed in `cells`, and others beside them."""
         # What is placed in a cell comes from less than half the reach away.
         reach = 0 if self._stage is None else self._stage.reach(cell_size)
-        return kept(self._tiles.extract(cells.widened(-(-reach // 2))))
+        return kept(self._rows.extract(cells.widened(-(-reach // 2))))
 
     def _filtered(
         self, pipeline: Pipeline, given: Outcome, removed: UInt64, added: UInt64
@@ -106,14 +106,14 @@ class FilteredPoints:
         cell_size = pipeline.cell_size
         reach = self._stage.reach(cell_size)
         # What is placed in a cell comes from less than half the reach away.
-        near = self._tiles.extract(given.cells.widened(2 * reach))
+        near = self._rows.extract(given.cells.widened(2 * reach))
         changed = np.concatenate((removed, added))
         asked = _asked(near, near.view(np.float64), changed, changed.view(np.float64), reach)
         xyz, looked, noise = pipeline.evaluate_points(self._stage, _as_read(near), asked)
         before = _placed_in(near, cell_size)
         views = near.view(np.float64), near.view(np.float32)
         cells, differs = _noted(near, *views, asked, xyz, looked, noise)
-        self._tiles.put(CellSet.of_keys(cells), near)
+        self._rows.put(CellSet.of_keys(cells), near)
         after = _placed_in(near, cell_size)
         keys = np.concatenate(
             (given.cells.keys, _placed_in(removed, cell_size), before[differs], after[differs])

@@ -14,11 +14,11 @@ import numpy as np
 from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change
+from mlscli.maps.kept_map import KeptMap
+from mlscli.maps.kept_rows import KeptRows
 from mlscli.maps.merging import with_measured
 from mlscli.maps.records import records_of
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.maps.tiled_map import TiledMap
-from mlscli.maps.tiled_rows import TiledRows
 from mlscli.pipeline.filtering import FilteredPoints, kept
 from mlscli.pipeline.line_counts import LineCounts
 from mlscli.pipeline.pipeline import Pipeline
@@ -54,7 +54,7 @@ class ConsistentMap:
         self._pipeline = pipeline
         self._points = [FilteredPoints(stage) for stage in pipeline.point_stages or (None,)]
         # What was measured, and what each map stage makes of it.
-        self._maps = [TiledMap(pipeline.grid) for _ in (None, *pipeline.map_stages)]
+        self._maps = [KeptMap(pipeline.grid) for _ in (None, *pipeline.map_stages)]
         # For each map stage, the cells in which it asked what was seen through.
         self._asked = [AskedCells() for _ in pipeline.map_stages]
 
@@ -125,18 +125,18 @@ class AskedCells:
     """
 
     def __init__(self) -> None:
-        self._tiles = TiledRows(1)
+        self._cells = KeptRows(1)
 
     def joined_with(self, cells: CellSet, seen: CellSet) -> CellSet:
         """Return the cells of a listed set, and those of `seen` in which the stage asked."""
-        asked = self._tiles.extract(seen)[:, 0]
+        asked = self._cells.extract(seen)[:, 0]
         return CellSet.of_keys(np.concatenate((cells.keys, asked)))
 
     def replace(self, cells: CellSet, asked: Sequence[UInt64]) -> None:
         """Note where the stage asked when it ran in `cells`, as it did on their rim, too."""
         listed = CellSet.of_keys(np.concatenate((np.empty(0, dtype=np.uint64), *asked)))
-        self._tiles.put(cells, np.empty((0, 1), dtype=np.uint64))
-        self._tiles.put(listed, listed.keys[:, None].copy())
+        self._cells.put(cells, np.empty((0, 1), dtype=np.uint64))
+        self._cells.put(listed, listed.keys[:, None].copy())
 
 
 class SequentialMap:
@@ -148,12 +148,12 @@ class SequentialMap:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
-        self._tiles = TiledMap(pipeline.grid)
+        self._map = KeptMap(pipeline.grid)
         self._counts = pipeline.line_counts()
 
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
-        pipeline, tiles = self._pipeline, self._tiles
+        pipeline, kept = self._pipeline, self._map
         filtered = pipeline.filter_points(points)
         pipeline.count_lines(self._counts, filtered)
         sights = pipeline.sights(lambda _: filtered)
@@ -161,23 +161,23 @@ class SequentialMap:
         changed = CellSet.of_keys(new["cell"])
         reaches = [stage.reach(pipeline.cell_size) or 0 for stage in pipeline.map_stages]
         widest = changed.widened(max(reaches, default=0))
-        before = tiles.records(widest)
+        before = kept.records(widest)
         with pipeline.report.timed("merge"):
-            there = tiles.records(changed) if pipeline.map_stages else before
-            change = tiles.replace(changed, with_measured(there, new, pipeline.grid))
+            there = kept.records(changed) if pipeline.map_stages else before
+            change = kept.replace(changed, with_measured(there, new, pipeline.grid))
         for stage, reach in zip(pipeline.map_stages, reaches, strict=True):
             cells = changed.widened(reach)
-            source = tiles.extract(cells.widened(reach))
+            source = kept.extract(cells.widened(reach))
             after = pipeline.run_stage(stage, source, sights=sights)
-            pipeline.report.drop(stage.name, -tiles.replace(cells, after).points)
+            pipeline.report.drop(stage.name, -kept.replace(cells, after).points)
         if pipeline.map_stages:
             # What one stage changes, the next may change back.
-            change = Change.between(before, tiles.records(widest), pipeline.grid)
+            change = Change.between(before, kept.records(widest), pipeline.grid)
         return change
 
     def whole(self) -> SurfaceMap:
         """Return the map so far."""
-        return self._tiles.whole()
+        return self._map.whole()
 
     def line_counts(self) -> LineCounts | None:
         """Return through what space the sight lines of all batches passed."""

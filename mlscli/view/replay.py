@@ -37,8 +37,8 @@ from mlscli.io.writing.bag_messages import CLOUD_TYPE, PATH_TYPE, TF, TF_STATIC,
 from mlscli.io.writing.flight_bag import nanoseconds, whole_bag
 from mlscli.io.writing.triangle_lists import MARKER_TYPE
 from mlscli.maps.change import Change
+from mlscli.maps.kept_map import KeptMap
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.maps.tiled_map import TiledMap
 from mlscli.maps.uncovering import patch_places
 from mlscli.mesh import build_mesh
 from mlscli.mesh.colours import height_range, origin_at, patch_colours
@@ -164,7 +164,7 @@ class Replay:
 
     def __init__(self, bag: BagWriter) -> None:
         self._bag = bag
-        self._state: TiledMap | None = None
+        self._state: KeptMap | None = None
         self._size = self._changed = 0
         self._stamps: list[int] = []
         self._has_clock = False
@@ -175,7 +175,7 @@ class Replay:
     def follow(self, change: Change) -> None:
         """Take the change of a batch; write the state before it first if enough has changed."""
         if self._state is None:
-            self._state = TiledMap(change.grid)
+            self._state = KeptMap(change.grid)
         elif self._changed >= max(SHARE * self._size, 1):
             self._write(self._state.whole())
         cells = change.cells

@@ -1,7 +1,7 @@
-"""What is kept in tiles is what would be kept in one piece.
+"""What is kept by cell is what would be kept in one piece.
 
-How one could cheat: areas within one tile; a tile that is never emptied, or never grows; sets
-without a reach; rows that are replaced by themselves.
+How one could cheat: areas within one strip; rooms that are never left, or never too small; a table
+without collisions; sets without a reach; rows that are replaced by themselves.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlscli.maps.cells import LEAST_INDEX, CellSet, unpack
-from mlscli.maps.row_tile import TILE_BITS
+from mlscli.maps.kept_map import KeptMap
+from mlscli.maps.kept_rows import KeptRows
+from mlscli.maps.strips import STRIP_CELLS
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.maps.tiled_map import TiledMap
-from mlscli.maps.tiled_rows import TiledRows
 from mlscli.runtime.arrays import UInt64
 from tests.helpers.maps import random_map
 
-SIDE = 2**TILE_BITS
+# So many cells lie in two strips, one above the other.
+SIDE = 2 * STRIP_CELLS
 seeds = st.integers(0, 2**32 - 1)
 
 
 def scattered(rng: np.random.Generator) -> SurfaceMap:
-    """Return a map whose cells lie apart, in several tiles."""
+    """Return a map whose cells lie apart, in several strips."""
     surface = random_map(rng)
     step = int(rng.choice([1, 5, SIDE]))
     return replace(surface, ix=surface.ix * step, iy=surface.iy * step).sorted()
@@ -41,20 +42,20 @@ def scattered(rng: np.random.Generator) -> SurfaceMap:
 def test_areas_are_replaced_as_in_a_whole_map(seed: int) -> None:
     rng = np.random.default_rng(seed)
     surface = scattered(rng)
-    tiles = TiledMap(surface.grid)
-    tiles.replace(CellSet.of(surface.ix, surface.iy), surface)
+    kept = KeptMap(surface.grid)
+    kept.replace(CellSet.of(surface.ix, surface.iy), surface)
     for _ in range(6):
         centres = rng.integers(-6, 7, (2, 2)) * SIDE // 2
         cells = CellSet.of(*centres).widened(int(rng.choice([0, 3, 40, 10**6])))
-        assert tiles.extract(cells) == surface.in_cells(cells)
+        assert kept.extract(cells) == surface.in_cells(cells)
         new = scattered(rng)
         if rng.random() < 0.3:
             new = new.take(np.arange(0))
         # What lies elsewhere is left out.
-        change = tiles.replace(cells, new)
+        change = kept.replace(cells, new)
         assert change.applied_to(surface) == surface.replace(cells, new)
         surface = surface.replace(cells, new)
-        assert tiles.whole() == surface
+        assert kept.whole() == surface
 
 
 WORDS = 3
@@ -80,19 +81,19 @@ def as_rows(by_cell: dict[Cell, list[list[int]]]) -> UInt64:
 def test_rows_are_kept_cell_by_cell_in_the_order_in_which_they_were_given(seed: int) -> None:
     rng = np.random.default_rng(seed)
     origin = rng.choice([0, -SIDE, LEAST_INDEX, LEAST_INDEX + SIDE // 2], 2)
-    tiles, model = TiledRows(WORDS), dict[Cell, list[list[int]]]()
+    kept, model = KeptRows(WORDS), dict[Cell, list[list[int]]]()
     for _ in range(8):
         ix, iy = origin[:, None] + rng.integers(0, rng.choice([4, 2 * SIDE]), (2, 30))
         cells = CellSet.of(ix, iy)
         listed = [(int(x), int(y)) for x, y in zip(*unpack(cells.keys), strict=True)]
         new = random_rows(rng, listed)
-        removed, added = tiles.update(cells, as_rows(new))
+        removed, added = kept.update(cells, as_rows(new))
         before = {cell: model.get(cell, []) for cell in listed}
         assert removed.tolist() == as_rows(without(before, new)).tolist()
         assert added.tolist() == as_rows(without(new, before)).tolist()
         model |= new
-        assert tiles.extract(cells).tolist() == as_rows(new).tolist()
-        assert tiles.whole().tolist() == as_rows(model).tolist()
+        assert kept.extract(cells).tolist() == as_rows(new).tolist()
+        assert kept.whole().tolist() == as_rows(model).tolist()
 
 
 def without(
@@ -102,38 +103,35 @@ def without(
 
 
 def test_what_is_replaced_again_and_again_takes_no_more_room() -> None:
-    tiles, cells = TiledRows(WORDS), CellSet.of(np.arange(20), np.arange(20))
+    kept, cells = KeptRows(WORDS), CellSet.of(np.arange(20), np.arange(20))
     sizes = []
     for turn in range(200):
         rows = np.repeat(np.c_[cells.keys, cells.keys, cells.keys], 1 + turn % 3, axis=0)
         rows[:, 1] = turn
-        tiles.update(cells, rows)
-        sizes.append(sum(tile.rows.nbytes for tile in tiles._tiles.values()))
-    assert max(sizes[100:]) <= max(sizes[:100]) <= 10 * 60 * WORDS * 8
-    tiles.update(cells, rows[:0])
-    assert not tiles._tiles
+        kept.update(cells, rows)
+        sizes.append(sum(array.nbytes for array in kept._kept))
+    assert max(sizes[100:]) == max(sizes[:100]) <= 10 * 60 * WORDS * 8 + 20 * 600
 
 
-def test_what_lies_scattered_costs_each_tile_what_is_its_own() -> None:
+def test_what_lies_scattered_costs_each_what_is_its_own() -> None:
     few, many = 500, 40_000
     # Kernels are loaded.
     seconds_for_each(few)
-    # Room in each tile for the rows of all would be 40 GB.
     with at_most_more(4 * 2**30):
         assert seconds_for_each(many) < 4 * min(seconds_for_each(few) for _ in range(5))
 
 
 def test_who_keeps_what_differed_keeps_no_more() -> None:
-    tiles = TiledRows(WORDS)
+    kept = KeptRows(WORDS)
     cells = CellSet.of(*np.divmod(np.arange(SIDE * SIDE), SIDE))
     rows = np.repeat(cells.keys[:, None], WORDS, axis=1)
-    tiles.update(cells, rows)
-    kept = []
+    kept.update(cells, rows)
+    differing = []
     with at_most_more(32 * 2**20):
         for turn in range(400):
             rows[turn, 1] = turn
-            kept.append(tiles.update(cells, rows))
-    assert [(len(removed), len(added)) for removed, added in kept] == 400 * [(1, 1)]
+            differing.append(kept.update(cells, rows))
+    assert [(len(removed), len(added)) for removed, added in differing] == 400 * [(1, 1)]
 
 
 def test_the_surroundings_of_what_lies_scattered_are_not_listed() -> None:
@@ -147,19 +145,19 @@ def test_the_surroundings_of_what_lies_scattered_are_not_listed() -> None:
 def surroundings(size: int) -> UInt64:
     """Return what lies in wide squares around cells that lie far apart."""
     cells = CellSet.of(np.arange(size) * 1000, np.zeros(size, dtype=np.int64))
-    tiles = TiledRows(WORDS)
-    tiles.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
-    return tiles.extract(cells.widened(60))
+    kept = KeptRows(WORDS)
+    kept.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
+    return kept.extract(cells.widened(60))
 
 
 def seconds_for_each(size: int) -> float:
-    """Return what it takes, for each, to put away and read cells of which no two share a tile."""
+    """Return what it takes, for each, to put away and read cells of which no two share a strip."""
     across = int(np.sqrt(size))
     ix, iy = np.arange(size) % across * 2 * SIDE, np.arange(size) // across * 2 * SIDE
-    tiles, cells = TiledRows(WORDS), CellSet.of(ix, iy)
+    kept, cells = KeptRows(WORDS), CellSet.of(ix, iy)
     begin = time.process_time()
-    tiles.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
-    assert len(tiles.extract(cells)) == size
+    kept.update(cells, np.repeat(cells.keys[:, None], WORDS, axis=1))
+    assert len(kept.extract(cells)) == size
     return (time.process_time() - begin) / size
 
 
