@@ -34,7 +34,7 @@ which it is known how they err are moved: depths that err displace points sidewa
 
 Points that lie close together share one search: all candidates are collected once. Where only the
 nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours: even
-in a dense cloud, each point is compared with few others.
+in a dense cloud, each point is compared with few others. Points that coincide have one result.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ from mlscli.pipeline.stages.nearest import (
     middle,
     neighbours,
 )
-from mlscli.pipeline.stages.point_grid import PointGrid, columns_around, gather
+from mlscli.pipeline.stages.point_grid import PointGrid, coincide, columns_around, gather
 from mlscli.pipeline.stages.slope import carry
 from mlscli.pipeline.stages.stage import Evaluated, Fault, PointStage
 from mlscli.pipeline.stages.upright import aside
@@ -284,8 +284,13 @@ def _filter(
         around = nine[: columns_around(grid, column, nine)]
         reached = grid.side / grid.divisions[column]
         for number in range(grid.first[column], grid.first[column + 1]):
-            for first in range(fine[number], fine[number + 1], _TOGETHER):
+            last = fine[number]
+            while last < fine[number + 1]:
+                first = last
                 last = min(first + _TOGETHER, fine[number + 1])
+                # Those that coincide share a search, however many they are.
+                while last < fine[number + 1] and coincide(grid.xyz, last - 1, last):
+                    last += 1
                 if _any_asked(asked, grid.order, first, last):
                     near, reached = _filter_together(
                         grid, around, first, last, rule, reached, near,
@@ -360,14 +365,24 @@ def _filter_together(
     if max_nb == 0:
         distance = radius
     near, size, own, cut = gather(grid, around, (first, last), (low, high), distance, near)
-    reaches, several = 0.0, 0
+    reaches, several, done = 0.0, 0, -1
     for i in range(first, last):
         point, z = order[i], xyz[i, 2]
         if len(asked) and not asked[point]:
             continue
-        new, farthest, error = np.nan, 0.0, np.nan
-        x, y = xyz[i, 0], xyz[i, 1]
         moves_on = len(moves) > 0 and known[point] == known[point]
+        if done >= 0 and coincide(xyz, done, i):
+            # A point without its twin has the neighbours that its twin has without it.
+            twin = order[done]
+            if not moves_on or known[twin] == known[twin]:
+                height[point], errors[point] = height[twin], errors[twin]
+                if len(asked):
+                    looked[point] = looked[twin]
+                if moves_on:
+                    moves[point, 0], moves[point, 1] = moves[twin, 0], moves[twin, 1]
+                continue
+        new, farthest, error, done = np.nan, 0.0, np.nan, i
+        x, y = xyz[i, 0], xyz[i, 1]
         for again in (False, True):
             there, there_size, itself = near, size, own + i - first
             if cut and not low <= z <= high:

@@ -251,3 +251,9 @@ def first_from(xyz: Float64, begin: int, end: int, z: float) -> int:
         else:
             end = middle
     return begin
+
+
+@inner
+def coincide(xyz: Float64, i: int, j: int) -> bool:
+    """Return whether two points lie at the same place."""
+    return bool(xyz[i, 0] == xyz[j, 0] and xyz[i, 1] == xyz[j, 1] and xyz[i, 2] == xyz[j, 2])

@@ -6,6 +6,7 @@ points as dense everywhere, so that the nearest are never far from where they we
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -302,6 +303,30 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert results[0].size > 1000
     for result in results[1:]:
         assert rows(result) == rows(results[0])
+
+
+@pytest.mark.parametrize("most", [0, 16])
+def test_points_that_coincide_cost_no_more_than_others(most: int) -> None:
+    # Each against each took ten seconds.
+    xyz = np.random.default_rng(8).random((1000, 3))
+    xyz = np.concatenate((xyz, np.full((30_000, 3), 0.5)))
+    points = known(Points.of(xyz, np.zeros(len(xyz), dtype=np.int32)))
+    begin = time.process_time()
+    result = Median(0.2, most, 8, level=0.1, max_slope=2.0, across=0.1).apply(points, 0.5)
+    assert time.process_time() - begin < 3
+    assert (result.xyz[-30_000:, :2] == 0.5).all()
+    assert len(np.unique(result.xyz[-30_000:, 2])) == 1
+
+
+def test_points_that_coincide_have_the_result_of_the_rule() -> None:
+    rng = np.random.default_rng(9)
+    for most in (0, 3, 16):
+        xyz = np.round(rng.random((40, 3)), 1)[rng.integers(0, 40, 300)]
+        points = Points.of(xyz, np.arange(300, dtype=np.int32))
+        noise = np.where(rng.random(300) < 0.5, 0.01, np.nan).astype(np.float32)
+        for mixed in (points, points._replace(noise=noise)):
+            result = Median(0.3, most, 2, 0.05).apply(mixed, 0.5)
+            assert rows(result) == references.median(mixed, 0.3, most, 2, 0.05)
 
 
 def test_points_reach_no_farther_than_declared() -> None:
