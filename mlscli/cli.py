@@ -21,9 +21,10 @@ from typing import NoReturn
 import click
 
 from mlscli.commands.completion import VARIABLE, completed
-from mlscli.errors import ConfigError, MlsError, nearest, with_options
-from mlscli.runtime.interrupts import when_safe
+from mlscli.errors import ConfigError, MlsError, nearest, printable, with_options
+from mlscli.runtime.interrupts import end_in_time, when_safe
 from mlscli.runtime.notices import hear
+from mlscli.runtime.temporary import remove_present
 from mlscli.version import __version__
 
 # Name to module and to a line of help, so that the help of the group imports no command.
@@ -95,10 +96,13 @@ class Run:
         Whether errors are printed with a traceback.
     stopped : Stopped or None
         The signal that has stopped the run.
+    reported : bool
+        Whether it is told how the run ended.
     """
 
     debug: bool = False
     stopped: Stopped | None = None
+    reported: bool = False
 
 
 @click.group(
@@ -115,17 +119,42 @@ def commands(run: Run, debug: bool) -> None:
 def main() -> NoReturn:
     """Run the command line and exit."""
     run = Run()
+    _open_streams()
     for number in (signal.SIGINT, signal.SIGTERM):
         # A signal that is ignored, as under nohup, stays ignored.
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, partial(_stop, run))
+    end_in_time(partial(_end, run))
     hear(_say)
     try:
         status = _status(run)
     except BaseException as error:
         # `Stopped` may have become another exception on its way here.
         status = _report(run.stopped or error, run)
+    run.reported = True
     sys.exit(status)
+
+
+def _open_streams() -> None:
+    """Open nothing in place of standard streams that are closed.
+
+    Outputs would get their numbers, and Python has None for them.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            handle = os.open(os.devnull, os.O_RDWR)
+            setattr(sys, name, os.fdopen(handle, "r+" if number else "r", closefd=False))
+
+
+def _end(run: Run, number: int) -> None:
+    """End at once, as the main thread has not come to it in time: it is in a kernel, or waits."""
+    remove_present()
+    if not run.reported:
+        with suppress(OSError):
+            os.write(2, b"mls: interrupted\n")
+    os._exit(128 + number)
 
 
 def _stop(run: Run, number: int, frame: FrameType | None) -> None:  # noqa: ARG001
@@ -142,15 +171,16 @@ def _stop(run: Run, number: int, frame: FrameType | None) -> None:  # noqa: ARG0
 
 def _status(run: Run) -> int:
     status = commands.main(prog_name="mls", standalone_mode=False, obj=run)
-    if sys.stdout is not None:
-        # A full disk shows only now, and must not pass for success.
-        sys.stdout.flush()
+    # A full disk shows only now, and must not pass for success.
+    sys.stdout.flush()
     return status if isinstance(status, int) else 0
 
 
 def _say(notice: str) -> None:
     # On a terminal, the line is cleared first: it may hold a progress bar.
-    click.echo(f"\r\x1b[Kmls: {notice}" if sys.stderr.isatty() else f"mls: {notice}", err=True)
+    line = f"mls: {printable(notice)}"
+    with suppress(OSError):
+        click.echo(f"\r\x1b[K{line}" if sys.stderr.isatty() else line, err=True)
 
 
 def _report(error: BaseException, run: Run) -> int:
@@ -169,7 +199,7 @@ def _report(error: BaseException, run: Run) -> int:
         if run.debug:
             traceback.print_exception(error)
         for line in lines:
-            click.echo(f"mls{_printable(line)}", err=True)
+            click.echo(f"mls{printable(line)}", err=True)
     return status
 
 
@@ -199,8 +229,3 @@ def _explain(error: BaseException) -> tuple[list[str], int]:
             what = f"{type(error).__name__}: {error}".rstrip(": ")
             advice = "run again as 'mls --debug ...' for the traceback"
             return [f": internal error: {what}; {advice}"], 1
-
-
-def _printable(text: str) -> str:
-    """Escape what would break the line of a message or control the terminal."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -120,6 +120,17 @@ def one_line(words: object) -> str:
     return " ".join(str(words).split())[:400].rstrip(".")
 
 
+def printable(text: str) -> str:
+    """Return text as one line that a terminal shows and does not obey.
+
+    What a recording, or the name of a file, holds beside letters is escaped: controls such as ESC,
+    ends of lines, marks that turn the direction of writing, halves of surrogates.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 def shorten(text: str, width: int = 60) -> str:
     """Cut a text that is longer than `width` characters."""
     return text if len(text) <= width else f"{text[: width - 3]}..."

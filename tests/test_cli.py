@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -237,6 +238,19 @@ def test_a_full_disk_is_one_line_and_no_success() -> None:
         )
     assert run.returncode == 1
     assert run.stderr == "mls: standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize("closing", ["2>&-", "2>/dev/full", "1>&- 2>&-"])
+def test_the_work_is_done_also_where_nobody_can_hear_of_it(tmp_path: Path, closing: str) -> None:
+    body = "options.say('heard'); options.tell('a result'); pathlib.Path('made').touch()"
+    program = (
+        f"from mlscli import cli; from mlscli.commands import options; import pathlib\n"
+        f"def work(run): cli._say('notice'); {body}; return 0\n"
+        "cli._status = work; cli.main()"
+    )
+    command = f"{shlex.quote(sys.executable)} -c {shlex.quote(program)} {closing}"
+    assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
+    assert (tmp_path / "made").exists()
 
 
 def test_the_package_names_its_calls_and_loads_none_of_them_by_itself() -> None:

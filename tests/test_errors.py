@@ -12,7 +12,9 @@ import pytest
 
 import mlscli
 from mlscli.cli import COMMANDS
-from mlscli.errors import OPTIONS, UsageError, expect, with_options
+from mlscli.commands import report
+from mlscli.commands.topics import lines
+from mlscli.errors import OPTIONS, UsageError, expect, printable, with_options
 from tests.helpers.program import mls
 
 ROOT = Path(mlscli.__file__).parent
@@ -33,6 +35,25 @@ ROOT = Path(mlscli.__file__).parent
 )
 def test_arguments_are_options_on_the_command_line(message: str, spoken: str | None) -> None:
     assert with_options(message) == (message if spoken is None else spoken)
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("/wolke/ä 中", "/wolke/ä 中"),
+        ("a\x1b]0;title\x07b", r"a\x1b]0;title\x07b"),
+        ("a\nmls: done\r", r"a\nmls: done\r"),
+        ("\x9b31m\u202egpj.\u2028", r"\x9b31m\u202egpj.\u2028"),
+        ("\udcff", r"\udcff"),
+    ],
+)
+def test_names_do_not_reach_a_terminal_as_controls(name: str, shown: str) -> None:
+    assert printable(name) == shown
+    link = {"parent": name, "child": "base", "moves": False}
+    topic = {"name": name, "type": name, "messages": 1, "use": None}
+    written = "\n".join(lines({"topics": [topic], "frames": [link]}))
+    assert (written.count(shown), written.count("\n")) == (3, 4)
+    assert report.lines([(name, name)]) == f"  {shown}  {shown}"
 
 
 def test_every_option_that_is_named_is_one_of_a_command() -> None:

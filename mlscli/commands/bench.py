@@ -16,6 +16,7 @@ from mlscli.commands.options import (
     overwrite,
     refuse_given,
     say,
+    tell,
 )
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import FormatsInHelp, read_points, reading
@@ -138,7 +139,7 @@ def command(
         else:
             report = _quality(scenes, asked, as_json)
     if output is None:
-        click.echo(report.rstrip())
+        tell(report.rstrip())
     else:
         with atomic_write(output, overwrite=overwrite) as stream:
             stream.write(f"{report.rstrip()}\n".encode())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import dryrun, report
-from mlscli.commands.options import PARTLY_READ, Size, as_json, configured, overwrite, say
+from mlscli.commands.options import PARTLY_READ, Size, as_json, configured, overwrite, say, tell
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import FormatsInHelp, reading
 from mlscli.errors import UsageError
@@ -185,7 +185,7 @@ def command(
     seconds = time.perf_counter() - begin
     account |= {"seconds": {"total": seconds, **built.report.seconds}}
     account |= {"points_per_second": account["points"]["read"] / seconds}
-    click.echo(json.dumps(account, indent=2) if as_json else _text(account, parameters))
+    click.echo(json.dumps(account, indent=2)) if as_json else tell(_text(account, parameters))
     return PARTLY_READ if recording.losses else 0
 
 

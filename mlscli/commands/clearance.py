@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json, least_lines, overwrite, say
+from mlscli.commands.options import as_json, least_lines, overwrite, say, tell
 from mlscli.commands.query import NOT_KEPT
 from mlscli.commands.reading import Numbers
 from mlscli.errors import UsageError
@@ -104,10 +104,10 @@ def command(
     if as_json:
         click.echo(json.dumps(told, indent=2))
     else:
-        click.echo(f"{Path(source).name}: {told['verdict']}")
-        click.echo(report.lines(_rows(told, surface.cell_size)))
+        tell(f"{Path(source).name}: {told['verdict']}")
+        tell(report.lines(_rows(told, surface.cell_size)))
         if surface.free is None:
-            click.echo(NOT_KEPT)
+            tell(NOT_KEPT)
     return {FITS: 0, BLOCKED: DOES_NOT_FIT}.get(found.overall, NOT_KNOWN)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands.compare_text import changes_text, comparison_text, scan_text, score_text
-from mlscli.commands.options import PARTLY_READ, as_json, refuse_given
+from mlscli.commands.options import PARTLY_READ, as_json, refuse_given, tell
 from mlscli.commands.reading import FormatsInHelp, read_points, reading
 from mlscli.errors import InputError, UsageError
 
@@ -123,7 +123,7 @@ def _compare(a: str, b: str, tolerance: float, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps({"a": a, "b": b, **comparison.to_dict()}, indent=2))
     else:
-        click.echo(comparison_text(a, b, comparison))
+        tell(comparison_text(a, b, comparison))
     return DIFFER if comparison.differ else 0
 
 
@@ -135,7 +135,7 @@ def _changes(a: str, b: str, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps({"a": a, "b": b, **result.to_dict()}, indent=2))
     else:
-        click.echo(changes_text(a, b, result))
+        tell(changes_text(a, b, result))
     return DIFFER if result.changed else 0
 
 
@@ -152,7 +152,7 @@ def _score(map_file: str, truth_file: str, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps({"map": map_file, "truth": truth_file, **result.to_dict()}, indent=2))
     else:
-        click.echo(score_text(map_file, truth_file, result))
+        tell(score_text(map_file, truth_file, result))
     return 0
 
 
@@ -212,5 +212,5 @@ def _score_scan(
         named = {"map": map_file, "cloud": list(scans), "flight": list(flights)}
         click.echo(json.dumps({**named, **result.to_dict(), "lost": losses}, indent=2))
     else:
-        click.echo(scan_text(map_file, ", ".join(scans), result))
+        tell(scan_text(map_file, ", ".join(scans), result))
     return PARTLY_READ if losses else 0

@@ -16,6 +16,7 @@ from mlscli.commands.options import (
     overwrite,
     refuse_given,
     say,
+    tell,
     without_artificial,
 )
 from mlscli.errors import UsageError
@@ -125,7 +126,7 @@ def command(source: str | None, as_json: bool, **options: Any) -> None:
         click.echo(json.dumps({"file": str(target), "format": kind, **written.told}))
     else:
         for line in written.lines:
-            click.echo(line)
+            tell(line)
 
 
 def _format(kind: str | None, output: str | None) -> str:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report, topics
-from mlscli.commands.options import PARTLY_READ, as_json, say
+from mlscli.commands.options import PARTLY_READ, as_json, say, tell
+from mlscli.errors import printable
 from mlscli.words import some
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def command(paths: tuple[str, ...], columns: str | None, up: str, as_json: bool)
     if as_json:
         click.echo(json.dumps(results, indent=2))
     elif results:
-        click.echo("\n".join(map(_text, results)))
+        tell("\n".join(map(_text, results)))
     partly_read = any(result.get("lost") for result in results)
     return status or (PARTLY_READ if partly_read else 0)
 
@@ -136,7 +137,7 @@ def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
 
 
 def _text(result: dict[str, Any]) -> str:
-    head = f"{result['file']}: {result['kind']}"
+    head = printable(f"{result['file']}: {result['kind']}")
     if result["kind"] == "map":
         return f"{head}\n{report.lines(_map_rows(result))}"
     if "topics" in result:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json, overwrite
+from mlscli.commands.options import as_json, overwrite, tell
 from mlscli.errors import InputError, UsageError
 
 
@@ -50,4 +50,4 @@ def command(sources: tuple[str, ...], output: str, overwrite: bool, as_json: boo
     rows = [*report.map_rows(description), ("keyframes", f"{description['keyframes']:,}")]
     if merged.free is None and any(surface.free is not None for surface in surfaces):
         rows.append(("free space", "left out, as not all of the maps have it"))
-    click.echo(f"{output}\n{report.lines(rows)}")
+    tell(f"{output}\n{report.lines(rows)}")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from mlscli.errors import UsageError, with_options
+from mlscli.errors import UsageError, printable, with_options
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -84,7 +85,14 @@ def say(message: str) -> None:
 
     Arguments in backquotes become options, as `mlscli.errors.with_options` has it.
     """
-    click.echo(with_options(message), err=True)
+    with suppress(OSError):
+        # Where nobody can hear it, the work goes on.
+        click.echo(printable(with_options(message)), err=True)
+
+
+def tell(result: str) -> None:
+    """Print a result on standard output, escaped line by line, see `printable`."""
+    click.echo("\n".join(map(printable, result.split("\n"))))
 
 
 def refuse_given(why: str, *names: str) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mlscli.commands.options import coloured, overwrite, without_artificial
+from mlscli.commands.options import coloured, overwrite, tell, without_artificial
 from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def command(
         title = name if level is None else f"{name}, level {level}"
         figure = plot_above(surface, level=level, colour=colour, artificial=artificial, title=title)
     write_figure(target, figure, overwrite=overwrite)
-    click.echo(str(target))
+    tell(str(target))
 
 
 def _line(section: str) -> tuple[tuple[float, float], tuple[float, float]]:

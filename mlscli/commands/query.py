@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json, least_lines
+from mlscli.commands.options import as_json, least_lines, tell
 from mlscli.errors import UsageError
 from mlscli.words import some
 
@@ -51,10 +51,10 @@ def command(source: str, places: tuple[str, ...], least: int, as_json: bool) -> 
         return
     for (place, _), result in zip(at, results, strict=True):
         ix, iy = result["cell"]
-        click.echo(f"{place} (cell {ix}, {iy})")
-        click.echo(report.lines(_rows(result, surface.cell_size)))
+        tell(f"{place} (cell {ix}, {iy})")
+        tell(report.lines(_rows(result, surface.cell_size)))
     if surface.free is None:
-        click.echo(NOT_KEPT)
+        tell(NOT_KEPT)
 
 
 def _numbers(place: str) -> list[float]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mlscli.errors import printable
 from mlscli.parameters.fields import write_value
 from mlscli.parameters.lengths import Cells, Length, in_units
 from mlscli.words import some
@@ -18,8 +19,11 @@ _MOST_LEVELS = 6
 
 
 def lines(rows: Iterable[tuple[str, str]]) -> str:
-    """Return rows (name, text) as lines with aligned texts; rows without a text are left out."""
-    kept = [(name, text) for name, text in rows if text]
+    """Return rows (name, text) as lines with aligned texts; those without a text are left out.
+
+    What a recording named is escaped, see `printable`.
+    """
+    kept = [(printable(name), printable(text)) for name, text in rows if text]
     width = max((len(name) for name, _ in kept), default=0)
     return "\n".join(f"  {name:<{width}}  {text}" for name, text in kept)
 

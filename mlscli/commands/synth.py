@@ -13,7 +13,7 @@ import click
 from mlscli.commands import report
 from mlscli.commands.flying import features, noisy
 from mlscli.commands.maps import TRUTH
-from mlscli.commands.options import PARTLY_READ, as_json, overwrite, refuse_given
+from mlscli.commands.options import PARTLY_READ, as_json, overwrite, refuse_given, tell
 from mlscli.commands.reading import FormatsInHelp, Numbers, read_points, reading
 from mlscli.errors import UsageError, with_options
 
@@ -194,7 +194,7 @@ def command(
     build would, with the same options: FORMATS.
     """
     if listing:
-        click.echo(_scenes(as_json))
+        tell(_scenes(as_json))
         return 0
     if clouds:
         refuse_given("belongs to a scene, and --cloud is a scan", *_OF_SCENES)
@@ -227,7 +227,7 @@ def command(
         grids = (cell_size, gap_size, cell_size if thickness is None else thickness)
         account = _over_scene(scene, grids, written, grid=grid, anew=anew, **flown)
     account["seconds"] = time.perf_counter() - begin
-    click.echo(json.dumps(account, indent=2) if as_json else _text(account))
+    click.echo(json.dumps(account, indent=2)) if as_json else tell(_text(account))
     return PARTLY_READ if account.get("lost") else 0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from mlscli.errors import with_options
+from mlscli.errors import printable, with_options
 
 if TYPE_CHECKING:
     from mlscli.geometry.transforms import TransformTree
@@ -80,7 +80,13 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of the report on topics and frames; takes what `describe` returns."""
     topics, frames = description["topics"], description["frames"]
     rows = [
-        (t["name"], t["type"] or "no type", _count(t["messages"]), _good_for(t)) for t in topics
+        (
+            printable(t["name"]),
+            printable(t["type"]) or "no type",
+            _count(t["messages"]),
+            printable(_good_for(t)),
+        )
+        for t in topics
     ]
     widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)]
     for name, type_, count, good_for in rows:
@@ -129,7 +135,7 @@ def _tree(links: Sequence[dict[str, Any]]) -> Iterator[str]:
             if frame in drawn:
                 continue
             drawn.add(frame)
-            yield f"    {'  ' * depth}{frame}{' (moves)' if moves else ''}"
+            yield f"    {'  ' * depth}{printable(frame)}{' (moves)' if moves else ''}"
             below = [
                 (link["child"], depth + 1, link["moves"])
                 for link in links
@@ -142,4 +148,4 @@ def _tree(links: Sequence[dict[str, Any]]) -> Iterator[str]:
             yield from draw(link["parent"])
     for link in links:
         if link["child"] not in drawn:
-            yield f"    {link['child']} below {link['parent']}, in a circle"
+            yield f"    {printable(link['child'])} below {printable(link['parent'])}, in a circle"

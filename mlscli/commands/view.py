@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mlscli.commands.maps import the_one_map
-from mlscli.commands.options import overwrite, say
+from mlscli.commands.options import overwrite, say, tell
 from mlscli.commands.reading import read_points
 from mlscli.errors import OutputError, UsageError
 
@@ -76,7 +76,7 @@ def command(
     target = html or str(_new_folder() / f"{map_file.stem}.html")
     counts = write_page(target, surface, title=map_file.stem, points=cloud, overwrite=overwrite)
     held = ", ".join(f"{count:,} {name}" for name, count in counts.items())
-    click.echo(f"{target}: {held}")
+    tell(f"{target}: {held}")
     if html is None:
         _open(target)
 

@@ -1,9 +1,25 @@
-"""Interrupts that wait: in some code an exception raised by a signal would be lost, or do harm."""
+"""Interrupts that wait, and an end that does not.
+
+In some code an exception raised by a signal would be lost, or do harm: there it waits. In other
+code the main thread cannot take a signal for long, as in a kernel, or while it waits for those of
+others. So another thread ends the program where it is still there some time after a signal.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
+import time
 from collections.abc import Callable
+
+GRACE = 0.7
+"""How long the program has to end by itself after a signal, in seconds."""
+
+_PATIENCE = 10.0
+
+undisturbed = threading.RLock()
+"""Held while files change their names, so that the program does not end half way; briefly."""
 
 # How often the main thread, which handles signals, holds them at present.
 _held = 0
@@ -16,6 +32,31 @@ def when_safe(act: Callable[[], None]) -> None:
         _waiting.append(act)
     else:
         act()
+
+
+def end_in_time(end: Callable[[int], None], grace: float = GRACE) -> None:
+    """Have another thread call `end` some time after SIGINT or SIGTERM; main thread only.
+
+    Parameters
+    ----------
+    end : callable
+        Called with the signal's number; ends the program.
+    grace : float
+        Seconds between the signal and that.
+    """
+    receive, send = os.pipe()
+    os.set_blocking(send, False)
+    # Python writes the numbers of signals there as they come, whatever the main thread does.
+    signal.set_wakeup_fd(send, warn_on_full_buffer=False)
+
+    def watch() -> None:
+        while number := os.read(receive, 1):
+            if number[0] in (signal.SIGINT, signal.SIGTERM):
+                time.sleep(grace)
+                undisturbed.acquire(timeout=_PATIENCE)
+                end(number[0])
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def hold_interrupts() -> None:

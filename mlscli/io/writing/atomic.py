@@ -12,6 +12,7 @@ from typing import BinaryIO
 from mlscli.errors import OutputError, expect_path
 from mlscli.io.files import special
 from mlscli.io.ros import METADATA_FILE
+from mlscli.runtime.interrupts import undisturbed
 from mlscli.runtime.temporary import temporary_file
 
 # Files that are read together, by how their names begin.
@@ -140,11 +141,12 @@ def atomic_write(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
             os.fsync(stream.fileno())
             refuse_existing(path, overwrite=overwrite)
             temporary.chmod(_mode(target))
-            if overwrite:
-                temporary.replace(target)
-            else:
-                # Unlike a rename, a link never replaces a file that was created meanwhile.
-                _rename_new(temporary, target)
+            with undisturbed:
+                if overwrite:
+                    temporary.replace(target)
+                else:
+                    # Unlike a rename, a link never replaces a file that was created meanwhile.
+                    _rename_new(temporary, target)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
@@ -166,19 +168,20 @@ def write_together(files: Mapping[Path, bytes], *, overwrite: bool = False) -> N
     for file in files:
         refuse_existing(file, overwrite=overwrite)
     before = {file: file.read_bytes() if file.exists() else None for file in files}
-    try:
-        with ExitStack() as opened:
-            for file, content in files.items():
-                opened.enter_context(atomic_write(file, overwrite=overwrite)).write(content)
-    except BaseException:
-        for file, content_before in before.items():
-            if content_before is None:
-                # It was not there, or is of somebody else.
-                if file.exists() and file.read_bytes() == files[file]:
-                    file.unlink()
-            elif file.read_bytes() != content_before:
-                file.write_bytes(content_before)
-        raise
+    with undisturbed:
+        try:
+            with ExitStack() as opened:
+                for file, content in files.items():
+                    opened.enter_context(atomic_write(file, overwrite=overwrite)).write(content)
+        except BaseException:
+            for file, content_before in before.items():
+                if content_before is None:
+                    # It was not there, or is of somebody else.
+                    if file.exists() and file.read_bytes() == files[file]:
+                        file.unlink()
+                elif file.read_bytes() != content_before:
+                    file.write_bytes(content_before)
+            raise
 
 
 def _rename_new(temporary: Path, target: Path) -> None:

@@ -35,6 +35,7 @@ from mlscli.io.writing.bag_messages import (
 )
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.runtime.arrays import Float64
+from mlscli.runtime.interrupts import undisturbed
 from mlscli.runtime.temporary import KEPT, temporary_folder
 
 CLOUD, ODOMETRY = "/cloud", "/odom"
@@ -147,7 +148,8 @@ def whole_bag(
                 # The writer makes a folder around the one file.
                 made = made / "bag.mcap"
             refuse_existing_bag(path, kind, overwrite=overwrite)
-            _replace(target, made, folder / KEPT)
+            with undisturbed:
+                _replace(target, made, folder / KEPT)
     except (OSError, sqlite3.Error) as error:
         raise _unwritable(target, error) from error
 
