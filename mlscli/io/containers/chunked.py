@@ -96,10 +96,13 @@ class Contents:
         In the order of the chunk.
     fault : str
         What is wrong after the last entry; empty where nothing is.
+    end : int
+        Offset in the decompressed content up to which there are records, in bytes.
     """
 
     entries: list[Entry] = field(default_factory=list)
     fault: str = ""
+    end: int = 0
 
 
 class ChunkedFile(MessageFile):
@@ -263,6 +266,11 @@ class ChunkedFile(MessageFile):
                 self._count_damaged(chunk, fault)
             return
         entries = contents.entries
+        if chunk.cut:
+            # Of what is there of it, some may be of no use: the rest of a message, or of a block.
+            stored = chunk.stop - chunk.data_at
+            read = stored * contents.end // max(chunk.size, 1)
+            self._found.size += max(0, chunk.data_size - read)
         if chunk.counts is None:
             if not entries and contents.fault and not chunk.cut:
                 # A pass will not read a chunk without entries: its fault is reported here.

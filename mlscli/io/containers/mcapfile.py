@@ -229,7 +229,7 @@ class McapFile(ChunkedFile):
         """Record a loss if the file breaks off after its data, in its summary."""
         file.seek(max(self._size - len(MAGIC), at))
         if file.read() != MAGIC:
-            self._found.add("breaks off after its data, of which nothing is missing")
+            self._found.add("breaks off in its summary, which follows all data")
 
     def _read_summary(self, file: BinaryIO) -> dict[int, Chunk]:
         """Return the chunks that the summary lists, by position; none where it is not sound."""
@@ -281,5 +281,5 @@ class McapFile(ChunkedFile):
                 entries.append(Entry(time, number, start + MESSAGE_START.size, stop))
             elif define and kind in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._define(kind, data[start:stop])
-            at = stop
+            at = contents.end = stop
         return contents

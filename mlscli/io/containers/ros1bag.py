@@ -207,5 +207,5 @@ class Ros1Bag(ChunkedFile):
                     )
             elif define and op == CONNECTION:
                 self._define(fields, data[start:stop])
-            at = stop
+            at = contents.end = stop
         return contents

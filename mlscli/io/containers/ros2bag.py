@@ -265,6 +265,10 @@ class _BagFile:
                 raise InputError(
                     f"{self.path}: cannot be decompressed into {folder}: {error.strerror or error}"
                 ) from error
+            if self.fault and not _head(plain):
+                raise InputError(
+                    f"{self.path}: cannot be decompressed: {self.fault}, within its first block"
+                )
             yield _open_storage(plain, self.path)
 
     def repeats(self, others: Iterable[_BagFile]) -> bool:

@@ -128,6 +128,16 @@ def test_a_compressed_file_that_is_cut_yields_what_lies_before_the_cut(tmp_path:
     assert told.startswith(f"{file}: breaks off")
 
 
+def test_a_compressed_file_that_is_cut_in_its_first_block_is_no_empty_one(tmp_path: Path) -> None:
+    write_mcap(tmp_path / "a.mcap", cdr(flight()))
+    file = tmp_path / "a.mcap.zstd"
+    file.write_bytes(zstandard.compress((tmp_path / "a.mcap").read_bytes())[:9_000])
+
+    words = refusal(open_container, file)
+
+    assert "cannot be decompressed: it breaks off, within its first block" in words
+
+
 def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "bag"
     folder.mkdir()
