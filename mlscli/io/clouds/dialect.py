@@ -37,8 +37,11 @@ _SAMPLE_ROWS = 50
 _MARK = "\ufeff"
 # Fewer numbers in a row are no point.
 _LEAST_NUMBERS = 3
-# Not the one in 1.#IND, not within a name, as in P#1, and not the errors of a spreadsheet.
-_COMMENT = re.compile(r"(?<![A-Za-z.])#(?!N/A|VALUE!|REF!|DIV/0!|NUM!|NAME\?)")
+# Not the one in 1.#IND, not within a name, as in P#1, not the errors of a spreadsheet, and not the
+# number or the colour that is a field.
+_COMMENT = re.compile(
+    r"(?<![A-Za-z.])#(?!N/A|VALUE!|REF!|DIV/0!|NUM!|NAME\?|(?<=[,;\t\"]#)[0-9A-Fa-f]+[\"\s]*(?:[,;\t]|$))"
+)
 _NUMBER = re.compile(
     r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf|infinity)", re.IGNORECASE
 )
@@ -123,7 +126,9 @@ class Dialect(NamedTuple):
         """Split a line into fields, empty for missing values; a comment or blank line has none."""
         if "#" in line and (comment := _COMMENT.search(line)) and not _in_quotes(line, comment):
             line = line[: comment.start()]
-        line = line.lstrip(_MARK).strip().rstrip(SEPARATORS)
+        line = line.lstrip(_MARK).rstrip().rstrip(SEPARATORS)
+        # A tab at the beginning may end an empty field.
+        line = line.lstrip(" " if self.separator == "\t" else None)
         if not line or line.startswith(("//", "%")):
             return []
         if not self.separator:

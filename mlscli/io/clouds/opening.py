@@ -64,7 +64,9 @@ class Opening(NamedTuple):
 
     def names(self, header: str) -> Iterator[list[str]]:
         """Yield the names in a header as each separator parts them, that of the rows first."""
-        bare = without_units(header.strip()).lstrip("#/% \t")
+        bare = without_units(header.rstrip())
+        if bare.lstrip().startswith(("#", "/", "%")):
+            bare = bare.lstrip("#/% \t")
         for separator in dict.fromkeys((self.dialect.separator, ",", ";", "\t", "")):
             words = self.dialect._replace(separator=separator).fields(bare)
             if words:
@@ -97,7 +99,7 @@ def read_opening(path: Path) -> Opening:
         elif declared is None and _is_count(line, lines[number + 1 :], dialect):
             declared = int(words[0])
         elif any(words) and not any(is_number(word) or has_decimal_comma(word) for word in words):
-            headers.append(line.strip())
+            headers.append(line.rstrip())
         else:
             rows = [row for row in lines[number:] if dialect.fields(row)]
             split = [dialect.fields(row) for row in rows]

@@ -24,6 +24,7 @@ from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
 from mlscli.io.clouds.pcdcompressed import Packed, unpack
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
+from mlscli.io.plausibility.halves import unveiled
 from mlscli.io.source import side_by_side
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
 from mlscli.runtime.arrays import Array
@@ -45,7 +46,9 @@ class PcdCloud(PointFile):
         wanted = self._wanted(header)
         read = {"ascii": self._rows, "binary": self._records}.get(header.data, self._compressed)
         columns, notes, losses = read(header, wanted)
-        points = side_by_side(columns[:3])
+        coordinates = unveiled(columns[:3])
+        points = side_by_side(coordinates.accepted(InputError))
+        notes += [f"{self.path}: {coordinates.note}"] if coordinates.note else []
         clouds = by_keyframe(points, columns[3] if len(columns) > 3 else None, header.position)
         return Content(clouds, [*header.notes, *notes], losses)
 

@@ -18,6 +18,7 @@ from mlscli.errors import InputError
 from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
 from mlscli.io.clouds.structures import Member, mapped, read_structures
+from mlscli.io.plausibility.halves import unveiled
 from mlscli.io.plausibility.readings import likelier, sample
 from mlscli.io.source import side_by_side
 from mlscli.runtime.arrays import Array, Float64
@@ -60,8 +61,11 @@ class PlyCloud(PointFile):
         wanted = self._wanted(vertex)
         read = self._records if header.order else self._rows
         columns, notes, losses = read(header, vertex, wanted)
-        points = side_by_side(columns[:3])
-        if header.order and _are_swapped(points, columns[:3]):
+        coordinates = unveiled(columns[:3])
+        points = side_by_side(coordinates.accepted(InputError))
+        if coordinates.note:
+            notes.append(f"{self.path}: {coordinates.note}")
+        elif header.order and _are_swapped(points, columns[:3]):
             columns = [_swapped(column) for column in columns]
             points = side_by_side(columns[:3])
             stated, found = ("big", "little") if header.order == ">" else ("little", "big")

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of
+from mlscli.io.plausibility.halves import unveiled
 from mlscli.io.plausibility.layouts import Layout, layout_of
 from mlscli.io.plausibility.readings import likelier, looks_right, sample
 from mlscli.io.ros import DATATYPES
@@ -92,7 +93,7 @@ class Packed(NamedTuple):
         return points, None if name is None else self._view(name).reshape(-1)
 
     def judged(self) -> tuple[Float64, Array | None, str]:
-        """Return points and keyframes, in the byte order that the data has, and what is doubted.
+        """Return points and keyframes, as the data itself says they are, and what is doubted.
 
         Raises
         ------
@@ -102,15 +103,18 @@ class Packed(NamedTuple):
         points, keyframes = self.unpack()
         if self._looks_right(len(points)):
             return points, keyframes, ""
+        found = unveiled([self._view(name).reshape(-1) for name in self._names()])
+        if found.note:
+            return side_by_side(found.accepted(MalformedCloudError)), keyframes, found.note
         flagged = self.order == ">"
         other = self._replace(order="<" if flagged else ">")
         some = sample(points)
         rows, columns = np.unravel_index(some, self.shape)
         swapped = side_by_side([other._view(name)[rows, columns] for name in self._names()])
-        found = likelier(points[some], [swapped])
-        if found == 0:
+        reading = likelier(points[some], [swapped])
+        if reading == 0:
             return *other.unpack(), _SWAPPED[flagged]
-        return points, keyframes, _UNTOLD if found is None and flagged else ""
+        return points, keyframes, _UNTOLD if reading is None and flagged else ""
 
     def _looks_right(self, count: int) -> bool:
         """Return whether coordinates look right as they were read; False: look closer."""

@@ -112,7 +112,7 @@ class _Judged(NamedTuple):
     @property
     def chance(self) -> float:
         """How likely such a gap is where odd steps are everywhere."""
-        share = min(self.gap / max(self.repetitions, 1), 1 - 1e-12)
+        share = self.gap / (self.repetitions + self.odd)
         return math.exp(min(0.0, math.log(self.odd + 1) + self.odd * math.log1p(-share)))
 
 

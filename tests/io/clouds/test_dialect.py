@@ -36,6 +36,12 @@ KINDS = {
     "blanks in names, tabs": "Point No\tX\tY\tZ\n" + rows("P {n}\t{0}\t{1}\t{2}"),
     "dates": "time,x,y,z\n" + rows("2024-05-01 12:00:0{n},{0},{1},{2}"),
     "an index without a name": ",x,y,z\n" + rows("{n},{0},{1},{2}"),
+    "an index without a name, tabs": "\tx\ty\tz\tclass name\n"
+    + rows("{n}\t{0}\t{1}\t{2}\tlow veg"),
+    "tabs before each row": "x y z\n" + rows("\t{0}\t{1}\t{2}"),
+    "colours": "x,y,colour,z\n" + rows("{0},{1},#ff880{n},{2}"),
+    "quoted labels of a hash and a number": "x;y;label;z\n" + rows('{0};{1};"#1{n}";{2}'),
+    "rows that are commented out": "x y z\n#12 1 2\n\t#3,4\n" + rows("{0} {1} {2}") + "#1 2 3\n",
     "a quoted index without a name": '"","x","y","z"\n' + rows('"{n}",{0},{1},{2}'),
     "a label with a comma": "label,x,y,z,q\n" + rows('"Wall {n}, north",{0},{1},{2},1'),
     "a label with a quote": "label,x,y,z\n" + rows('"a ""{n}"", b",{0},{1},{2}'),

@@ -17,6 +17,7 @@ import pytest
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.pcd import PcdCloud
+from mlscli.io.plausibility.repetitions import repeats_as_encoded
 from mlscli.runtime.arrays import Array, Float64
 from tests.helpers.meshes import open3d
 from tests.helpers.pcds import compressed, encoded, pcd
@@ -214,3 +215,15 @@ def test_points_that_lie_far_away_are_no_damage(tmp_path: Path, rows: slice) -> 
 
     assert found.tolist() == points_of(columns).tolist()
     assert losses == []
+
+
+@pytest.mark.parametrize("seed", [94, 185, 211, 272, 277])
+def test_a_handful_of_repetitions_tells_no_encoder(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(20, 120))
+    plain = b"".join(rng.integers(-9, 9, count).astype(t).tobytes() for t in ("i1", "i1", "i2"))
+    body = np.frombuffer(compressed(plain, seed), np.uint8)
+
+    found = repeats_as_encoded(body, np.frombuffer(plain, np.uint8), len(plain))
+
+    assert found.value is True

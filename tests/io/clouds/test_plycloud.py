@@ -198,6 +198,21 @@ def test_the_building_comes_number_by_number(shared_data: Path) -> None:
     assert losses == []
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_halves_that_are_declared_ushort_are_read_as_halves(tmp_path: Path, order: str) -> None:
+    points = np.random.default_rng(3).uniform(-9, 9, (100, 3)).astype(f"{order}f2")
+    path = tmp_path / "a.ply"
+    header = ["element vertex 100", *(f"property ushort {axis}" for axis in "xyz")]
+    name = "little" if order == "<" else "big"
+    path.write_bytes(ply(f"binary_{name}_endian", *header, body=points.tobytes()))
+    source = PlyCloud(path)
+
+    (cloud,) = source.clouds()
+
+    assert cloud.points.tolist() == points.astype(float).tolist()
+    assert "hold halves" in source.notes[0]
+
+
 @pytest.mark.parametrize(("stated", "order"), [("big", "<"), ("little", ">")])
 @pytest.mark.parametrize("type_", ["float", "double", "short"])
 def test_the_data_decide_against_the_header_in_which_order_bytes_stand(

@@ -290,6 +290,17 @@ def test_names_of_fields_may_be_capital_where_none_is_small() -> None:
     assert decode(cloud(fields=[other, *cloud().fields])).points.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
+def test_halves_that_are_declared_whole_are_read_as_halves() -> None:
+    points = np.random.default_rng(3).uniform(-9, 9, (40, 3)).astype("<f2")
+    fields = [SimpleNamespace(name=n, offset=2 * k, datatype=4) for k, n in enumerate("xyz")]
+    data = np.frombuffer(points.tobytes(), np.uint8)
+
+    part = decode(cloud(fields=fields, width=40, point_step=6, row_step=240, data=data))
+
+    assert part.points.tolist() == points.astype(float).tolist()
+    assert "hold halves" in part.doubts[0]
+
+
 @pytest.mark.parametrize(
     "changes",
     [{"height": 0}, {"width": 0, "row_step": 0}, {"width": 1, "row_step": 12}, {"point_step": 0},
