@@ -17,6 +17,8 @@ from typing import NamedTuple
 from mlscli.io.plausibility.finding import Finding, doubted, refused, right
 from mlscli.runtime.arrays import UInt8
 
+_FEWER = "width and height declare fewer points than there are; all are taken"
+
 
 class Layout(NamedTuple):
     """Where points lie in bytes.
@@ -57,6 +59,10 @@ def layout_of(data: UInt8, stated: Layout, fields_end: int) -> Finding[Layout]:
         # A cloud of one row has no next row; many writers leave row_step unset there.
         apart = row_step if height > 1 else max(row, row_step)
         whole = height * apart
+        # What stands behind the one row may be padding, unless it is whole points.
+        more = height == 1 and row and length > row and not length % point_step
+        if more and data[row:].any():
+            return doubted(Layout(1, length // point_step, length, point_step), _FEWER)
         if apart >= row and length in (whole, whole - apart + row) and (row or not length):
             return right(stated if apart == row_step else stated._replace(row_step=apart))
     elif length < max(point_step, 1):
@@ -84,9 +90,7 @@ def layout_of(data: UInt8, stated: Layout, fields_end: int) -> Finding[Layout]:
         )
     return doubted(
         Layout(1, there, length, point_step),
-        "width and height declare fewer points than there are; all are taken"
-        if points
-        else "width or height is 0, though there are points; all are taken",
+        _FEWER if points else "width or height is 0, though there are points; all are taken",
     )
 
 

@@ -34,6 +34,8 @@ def numbers(data: UInt8, layout: Layout) -> list[int]:
     [
         (rows(1, 6), Layout(1, 6, 96, STEP)),
         (rows(1, 6), Layout(1, 6, 0, STEP)),
+        (rows(1, 6, gap=2 * STEP), Layout(1, 6, 128, STEP)),
+        (rows(1, 6, gap=5), Layout(1, 6, 101, STEP)),
         (rows(2, 3), Layout(2, 3, 48, STEP)),
         (rows(2, 3, gap=5), Layout(2, 3, 53, STEP)),
         (rows(2, 3, gap=5)[:-5], Layout(2, 3, 53, STEP)),
@@ -55,6 +57,8 @@ def test_what_is_stated_is_taken_without_a_note_where_it_is_right(
         # Before its width was known; of the whole cloud; of another cloud; counted in points.
         *((rows(2, 3), Layout(2, 3, step, STEP), "row_step") for step in (0, 96, 32, 3, 2**32 - 1)),
         (rows(1, 6), Layout(1, 6, 3, STEP), ""),
+        (rows(1, 6), Layout(1, 3, 96, STEP), "declare fewer points"),
+        (rows(1, 6), Layout(1, 5, 96, STEP), "declare fewer points"),
         (rows(1, 6), Layout(0, 6, 96, STEP), "height is 0"),
         (rows(1, 6), Layout(0, 6, 0, STEP), "height is 0"),
         (rows(1, 6), Layout(1, 0, 0, STEP), "width or height is 0"),
