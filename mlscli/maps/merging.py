@@ -31,9 +31,10 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     """Merge two maps, as if the recording of `other` had followed that of `one`.
 
     Measured patches whose [bottom, top] come within `gap_size` become one (statistics by Chan's
-    formula); all others stay as they are. Inserted patches within `gap_size` of a patch that the
-    other map measured are removed; where inserted patches of both maps come within `gap_size`, the
-    higher stays.
+    formula); all others stay as they are, but for ends that a stage moved to within `gap_size` of
+    a patch that the other map measured, which go back. Inserted patches within `gap_size` of a
+    patch that the other map measured are removed; where inserted patches of both maps come within
+    `gap_size`, the higher stays.
 
     Parameters
     ----------
@@ -138,8 +139,9 @@ def _require_same_frame(one: SurfaceMap, other: SurfaceMap) -> None:
 def with_measured(records: Array, new: Array, grid: Grid) -> Array:
     """Add measured patches to those of a growing map (thesis, section 4.1, step 4).
 
-    They merge with measured patches only, undo the corrections of those they merge with, and
-    remove inserted patches within `gap_size`.
+    They merge with measured patches only, and what stages made gives way to them: they undo the
+    corrections of those they merge with, and of those that were moved to within `gap_size` of
+    them, and remove inserted patches within `gap_size`.
 
     Parameters
     ----------
@@ -232,7 +234,7 @@ def _linked(
     -------
     linked : PATCH (P,)
         The merged patches, ascending by cell and bottom. One that met no other keeps its
-        correction.
+        correction, unless this brings it within `gap_size` of one that holds another set's.
     from_one, from_other : bool (P,)
         Whether each holds a patch of `records`, and one of `others`.
     """
@@ -269,8 +271,27 @@ def _linked(
             from_one[size - 1] |= not is_other
             from_other[size - 1] |= is_other
         _shape(linked, size - 1, parts, thickness)
+    _give_way(linked[:size], from_other, gap_size, thickness)
+    _give_way(linked[:size], from_one, gap_size, thickness)
     # The groups of a cell are disjoint, so this order is also that of their heights.
     return linked[:size], from_one[:size], from_other[:size]
+
+
+@inner
+def _give_way(measured: Any, others: Bool, gap_size: float, thickness: float) -> None:
+    """Undo corrections that reach within `gap_size` of a patch which holds one of the others."""
+    begin = ZERO
+    for i in range(len(measured)):
+        begin = i if measured[begin].cell != measured[i].cell else begin
+        if others[i] or not measured[i].moved:
+            continue
+        low, near, j = measured[i].height - measured[i].depth, False, begin
+        while j < len(measured) and measured[j].cell == measured[i].cell:
+            bottom, top = measured[j].bottom, measured[j].top
+            near |= others[j] and distance(low, measured[i].height, bottom, top) <= gap_size
+            j += 1
+        if near:
+            _reshape(measured, i, thickness)
 
 
 @inner
@@ -325,10 +346,17 @@ def _pooled(noise: float, points: float, other: float, count: float) -> float:
 @inner
 def _shape(groups: Any, number: int, parts: int, thickness: float) -> None:
     """Compute height and depth of a group of several patches; a single patch keeps its own."""
-    if parts < 2:
-        return
+    if parts > 1:
+        groups[number].mean = min(
+            max(groups[number].mean, groups[number].bottom), groups[number].top
+        )
+        _reshape(groups, number, thickness)
+
+
+@inner
+def _reshape(groups: Any, number: int, thickness: float) -> None:
+    """Compute height and depth of a group from its points, without corrections."""
     group = groups[number]
-    group.mean = min(max(group.mean, group.bottom), group.top)
     group.height, group.depth = shape_of(
         group.top, group.bottom, group.mean, group.variance, thickness
     )

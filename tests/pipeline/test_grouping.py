@@ -152,6 +152,20 @@ def test_new_points_undo_corrections_and_delete_what_was_inserted_near_them() ->
     assert merged.moved.tolist() == merge_maps(lowered, on_the_lowered).moved.tolist() == [0, 0]
 
 
+@pytest.mark.parametrize(("height", "goes_back"), [(3.0 + GAP, True), (3.001 + GAP, False)])
+def test_what_was_drawn_out_gives_way_to_what_is_measured_near_its_end(
+    height: float, goes_back: bool
+) -> None:
+    wall = map_of([Patch(0, 0, 2.0, 1.0, 0, 5), Patch(1, 0, 2.0, 1.0, 0, 5)])
+    drawn = wall.with_columns(height=np.full(2, 3.0), depth=np.full(2, 2.0))
+    floor = map_of([Patch(0, 0, height, 0.0, 0, 5)])
+
+    for grown in (add_measured(drawn, floor), merge_maps(drawn, floor), merge_maps(floor, drawn)):
+        assert grown.height.tolist() == [2.0 if goes_back else 3.0, height, 3.0]
+        assert grown.depth.tolist() == [1.0 if goes_back else 2.0, 0.0, 2.0]
+        assert grown.moved.tolist() == [0 if goes_back else 1, 0, 1]
+
+
 def test_of_inserted_patches_of_two_maps_the_higher_stays() -> None:
     one = map_of([Patch(0, 0, 1.0, 0.0, 1, 0), Patch(1, 0, 1.0, 0.0, 2, 0)])
     other = map_of([Patch(0, 0, 1.5, 0.0, 2, 0), Patch(1, 0, 1.0, 0.0, 1, 0)])
