@@ -52,6 +52,7 @@ COMMANDS = (
     "build flight.txt -o growing.npz --growing",
     "build cloud.pcd -c plain --set map.cell_size=1",
     "build faces.ply -c plain --set map.cell_size=1",
+    "explore free.npz --craft 0.3,0.3",
     "compare flight.npz sequential.npz",
     "compare flight.npz --truth flight.truth.npz",
     "export flight.npz --format ply",

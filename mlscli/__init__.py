@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mlscli.mesh import build_mesh
     from mlscli.pipeline.parameters import Parameters
     from mlscli.queries.clearance import clearance
+    from mlscli.queries.explore import explore
     from mlscli.queries.levels import height_at, levels_at
     from mlscli.rasters.tables import to_pandas, to_xarray
     from mlscli.view.page import write_page
@@ -49,6 +50,7 @@ __all__ = [
     "build_map",
     "build_mesh",
     "clearance",
+    "explore",
     "fit_sizes",
     "height_at",
     "levels_at",
@@ -84,6 +86,7 @@ _HOMES = {
     "load_parameters": ("mlscli.config", "load"),
     "build_mesh": ("mlscli.mesh", "build_mesh"),
     "clearance": ("mlscli.queries.clearance", "clearance"),
+    "explore": ("mlscli.queries.explore", "explore"),
     "height_at": ("mlscli.queries.levels", "height_at"),
     "levels_at": ("mlscli.queries.levels", "levels_at"),
     "merge_maps": ("mlscli.maps.merging", "merge_maps"),

@@ -37,6 +37,7 @@ COMMANDS = {
     "query": ("mlscli.commands.query", "Say what a map holds at places."),
     "merge": ("mlscli.commands.merge", "Merge maps of several flights."),
     "clearance": ("mlscli.commands.clearance", "Say whether a craft fits along a way."),
+    "explore": ("mlscli.commands.explore", "Say where to fly next, and what a look would settle."),
     "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth or a scan."),
     "synth": ("mlscli.commands.synth", "Make a synthetic flight, and its exact truth."),
     "bench": (

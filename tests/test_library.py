@@ -29,6 +29,7 @@ from mlscli.maps.merging import merge_maps
 from mlscli.pipeline.parameters import MapParameters, Vehicle
 from mlscli.pipeline.stages.median import Median
 from mlscli.pipeline.stages.orphans import Orphans
+from mlscli.queries.exploration import Camera
 from mlscli.runtime.arrays import Float64
 from mlscli.scoring import (
     compare_maps,
@@ -209,6 +210,10 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "clearance": (
         mlscli.clearance,
         {"surface": SURFACE, "polyline": SCAN, "width": 0.2, "height": 0.1},
+    ),
+    "explore": (
+        mlscli.explore,
+        {"surface": SURFACE, "width": 0.2, "height": 0.1, "camera": Camera(), "most": 1},
     ),
     "space_at": (mlscli.space_at, {"surface": SURFACE, "xyz": SCAN}),
     "height_at": (mlscli.height_at, {"surface": SURFACE, "xy": SCAN[:, :2]}),

@@ -1,4 +1,4 @@
-"""Options that say how a synthetic flight errs, for every command that makes one."""
+"""Options of flights: how a synthetic one errs, and what a camera sees."""
 
 from __future__ import annotations
 
@@ -37,3 +37,24 @@ def noisy(command: Command) -> Command:
         help="Salt and pepper in z, or depth errors that grow with the square of the distance.",
     )
     return sigma(noise(command))
+
+
+def seeing(command: Command) -> Command:
+    """Add ``--field-of-view`` and ``--range``; the command takes `field_of_view` and `reach`."""
+    angle = click.option(
+        "--field-of-view",
+        type=float,
+        default=120.0,
+        show_default=True,
+        metavar="DEG",
+        help="Whole angle that the camera sees.",
+    )
+    reach = click.option(
+        "--range",
+        "reach",
+        type=float,
+        metavar="R",
+        help="How far the camera sees; by default twice as far as from the highest place of the "
+        "flight to the bottom.",
+    )
+    return angle(reach(command))

@@ -11,14 +11,22 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import click
 
 from mlscli.commands import report
-from mlscli.commands.flying import features, noisy
+from mlscli.commands.flying import features, noisy, seeing
 from mlscli.commands.maps import TRUTH
-from mlscli.commands.options import PARTLY_READ, as_json, overwrite, refuse_given, tell
+from mlscli.commands.options import (
+    PARTLY_READ,
+    as_json,
+    overwrite,
+    refuse_given,
+    say,
+    tell,
+)
 from mlscli.commands.reading import FormatsInHelp, Numbers, read_points, reading
 from mlscli.errors import UsageError, with_options
 
 if TYPE_CHECKING:
     from mlscli.scenes.flight import Flight
+    from mlscli.scenes.route import CameraPoses
     from mlscli.scenes.scan_flight import ScanFlight
     from mlscli.scenes.surfaces import Scene
 
@@ -118,21 +126,7 @@ _OF_SCANS = "features", "legs", "survey"
     metavar="FILE",
     help="With --cloud: the route in YAML, a list of legs; by default one is found.",
 )
-@click.option(
-    "--field-of-view",
-    type=float,
-    default=120.0,
-    show_default=True,
-    metavar="DEG",
-    help="Whole angle that the camera sees.",
-)
-@click.option(
-    "--range",
-    "reach",
-    type=float,
-    metavar="R",
-    help="How far the camera sees; by default twice as far as from the survey to the bottom.",
-)
+@seeing
 @click.option(
     "--cell-size", type=float, default=0.15, show_default=True, metavar="C", help="Of the truth."
 )
@@ -188,7 +182,8 @@ def command(
     """Make a synthetic flight over a scene or a scan.
 
     Over a scene, its exact truth is written, too: a map of the surfaces themselves, OUT.truth.npz;
-    mls compare --truth scores a map by it.
+    mls compare --truth scores a map by it. With --route, the craft flies its poses, those of mls
+    explore for example: the camera looks along -z of the craft, without attitudes straight down.
 
     Over a scan (--cloud SCAN), the truth is the scan: mls compare --cloud SCAN. It is read as mls
     build would, with the same options: FORMATS.
@@ -199,7 +194,9 @@ def command(
     if clouds:
         refuse_given("belongs to a scene, and --cloud is a scan", *_OF_SCENES)
     else:
-        refuse_given("goes with --cloud SCAN", *_OF_SCANS, *selection)
+        # Over a scene, the route is what is flown.
+        of_scans = (*_OF_SCANS, *(name for name in selection if name != "route"))
+        refuse_given("goes with --cloud SCAN", *of_scans)
     from mlscli.scenes.flight import Craft
     from mlscli.scenes.noise import Noise
     from mlscli.scenes.surfaces import Scatter
@@ -225,7 +222,8 @@ def command(
     else:
         scene = _scene(type_, file, add_param, size)
         grids = (cell_size, gap_size, cell_size if thickness is None else thickness)
-        account = _over_scene(scene, grids, written, grid=grid, anew=anew, **flown)
+        flown |= {"grid": grid, "anew": anew, "route": _poses(selection["route"])}
+        account = _over_scene(scene, grids, written, **flown)
     account["seconds"] = time.perf_counter() - begin
     click.echo(json.dumps(account, indent=2)) if as_json else tell(_text(account))
     return PARTLY_READ if account.get("lost") else 0
@@ -337,8 +335,24 @@ class _Output(NamedTuple):
             )
 
 
+def _poses(file: str | None) -> CameraPoses | None:
+    """Return the poses of a trajectory."""
+    if file is None:
+        return None
+    from mlscli.io.clouds.trajectory import read_trajectory
+    from mlscli.scenes.route import poses_of
+
+    read = read_trajectory(Path(file))
+    for note in read.notes:
+        say(note)
+    return poses_of(read.positions, read.attitudes)
+
+
 def _over_scene(
-    scene: Scene, grids: tuple[float, float, float], written: _Output, **flown: Any
+    scene: Scene,
+    grids: tuple[float, float, float],
+    written: _Output,
+    **flown: Any,
 ) -> dict[str, Any]:
     """Fly over a scene, write the recording and the truth, and return the account."""
     from mlscli.io.writing.atomic import refuse_existing

@@ -121,6 +121,34 @@ def matrices(rotations: Float64) -> Float64:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def looking(yaw: Float64, tilt: Float64) -> Float64:
+    """Return the attitudes of a craft whose camera looks somewhere, unit quaternions (K, 4).
+
+    The craft's axes are x ahead, y left, z up. Its camera is fixed to it and looks along -z.
+
+    Parameters
+    ----------
+    yaw, tilt : float64 (K,)
+        Where it looks, in radians: from x towards y; how far up from straight down, 0 to pi. The
+        craft heads along the yaw, its nose up by the tilt.
+    """
+    yaw, pitch = yaw / 2, -tilt / 2
+    cos_yaw, sin_yaw, cos_pitch, sin_pitch = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+    return np.column_stack(
+        (-sin_yaw * sin_pitch, cos_yaw * sin_pitch, sin_yaw * cos_pitch, cos_yaw * cos_pitch)
+    )
+
+
+def looks_of(attitudes: Float64) -> tuple[Float64, Float64]:
+    """Return where cameras look, `yaw` and `tilt` of `looking`, of attitudes (K, 4)."""
+    rotation = matrices(attitudes)
+    ahead, looks = rotation[:, :, 0], -rotation[:, :, 2]
+    level = np.hypot(looks[:, 0], looks[:, 1])
+    # Where it looks straight down, its nose says where ahead is.
+    x, y = np.where(level[:, None] > 1e-6, looks[:, :2], ahead[:, :2]).T
+    return np.arctan2(y, x), np.arctan2(level, -looks[:, 2])
+
+
 def apply(T_target_source: Pose, points: Float64) -> Float64:  # noqa: N803
     """Move points (N, 3) from the frame `source` into the frame `target`.
 

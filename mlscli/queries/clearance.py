@@ -108,6 +108,34 @@ class Clearance:
         ]
 
 
+def expect_craft(surface: SurfaceMap, width: float, height: float, least: int) -> None:
+    """Refuse what is no map, no craft for it, or no number of lines.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    width, height : float
+    least : int
+        As for `clearance`.
+
+    Raises
+    ------
+    TypeError, UsageError
+    """
+    expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    side = surface.cell_size
+    for name, value in (("width", width), ("height", height)):
+        expect(value, (int, float, np.number), name, "a number")
+        if not 0 < value <= MOST_CELLS * side:
+            raise UsageError(
+                f"{name}: is {value:g}, expected a length above 0, at most {MOST_CELLS:,} cells "
+                f"({MOST_CELLS * side:g})"
+            )
+    expect(least, (int, np.integer), "least", "a whole number")
+    if not 1 <= least <= 255:
+        raise UsageError(f"least: is {least}, expected 1 to 255")
+
+
 def clearance(
     surface: SurfaceMap, polyline: Float64, width: float, height: float, least: int = 2
 ) -> Clearance:
@@ -148,18 +176,8 @@ def clearance(
     >>> found.overall == mlscli.queries.clearance.NEVER_SEEN
     True
     """
-    expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    expect_craft(surface, width, height, least)
     side = surface.cell_size
-    for name, value in (("width", width), ("height", height)):
-        expect(value, (int, float, np.number), name, "a number")
-        if not 0 < value <= MOST_CELLS * side:
-            raise UsageError(
-                f"{name}: is {value:g}, expected a length above 0, at most {MOST_CELLS:,} cells "
-                f"({MOST_CELLS * side:g})"
-            )
-    expect(least, (int, np.integer), "least", "a whole number")
-    if not 1 <= least <= 255:
-        raise UsageError(f"least: is {least}, expected 1 to 255")
     pieces = pieces_of(polyline, side)
     place = pieces.place
     craft = Craft(width / 2, height / 2, 1e-9 * side)

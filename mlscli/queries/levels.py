@@ -91,7 +91,7 @@ def height_at(surface: SurfaceMap, xy: Float64, below: float | Float64 = np.inf)
     limits = np.asarray(below, dtype=np.float64)
     if limits.shape not in ((), (len(xy),)):
         raise UsageError(f"below: is an array {limits.shape}, expected a number, or ({len(xy)},)")
-    limits = np.ascontiguousarray(np.broadcast_to(limits, len(xy)))
+    limits = np.full(len(xy), limits)
     return _highest(begin, end, limits, surface.height)
 
 

@@ -121,6 +121,7 @@ def fly(
     seed: int = 0,
     visibility: bool = True,
     anew: bool = False,
+    route: CameraPoses | None = None,
 ) -> Flight:
     """Fly over a scene.
 
@@ -143,6 +144,8 @@ def fly(
     anew : bool
         Whether the survey and each of the scene's legs find their points anew, each with its own
         error, as a craft does that looks again. Otherwise a point is found once.
+    route : CameraPoses, optional
+        Where the craft is instead, and looks; with `anew` each pose finds its points anew.
 
     Raises
     ------
@@ -155,9 +158,7 @@ def fly(
     check(scene, noise, holes, seed)
     reach = craft.reach(scene)
     chances = Chances(seed)
-    height = craft.above(scene)
-    legs = [survey(scene, height), *([leg] for leg in scene.legs)] if anew else []
-    flights = [poses_along(leg, height) for leg in legs] or [fly_route(scene, height)]
+    flights = _flights(scene, craft.above(scene), anew, route)
     samples = _with_features(scene, sample(scene, grid), holes, chances)
     keyframes, flown = [], 0
     for poses in flights:
@@ -172,6 +173,18 @@ def fly(
     sigma = _sigmas(scene, noise)[np.tile(samples.surface, len(flights))]
     keyframe, route = np.concatenate(keyframes), joined(flights)
     return Flight(scene, *recorded(scene, xyz, keyframe, route, sigma, noise, chances))
+
+
+def _flights(
+    scene: Scene, height: float, anew: bool, route: CameraPoses | None
+) -> list[CameraPoses]:
+    """Return the poses of each part of a flight that finds its points anew."""
+    if route is not None:
+        return route.parts() if anew else [route]
+    if not anew:
+        return [fly_route(scene, height)]
+    legs = [survey(scene, height), *([leg] for leg in scene.legs)]
+    return [poses_along(leg, height) for leg in legs]
 
 
 def _found(

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from mlscli.errors import UsageError
+from mlscli.geometry.poses import looking, looks_of
 from mlscli.runtime.arrays import Float64
 from mlscli.scenes.surfaces import Leg
 
@@ -70,13 +71,28 @@ class CameraPoses:
         The craft heads along the yaw, its nose up by the tilt: the camera is fixed to it and looks
         straight down where the craft is level.
         """
-        yaw, pitch = self.yaw / 2, -self.tilt / 2
-        cos_yaw, sin_yaw, cos_pitch, sin_pitch = (
-            np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch),
-        )  # fmt: skip
-        return np.column_stack(
-            (-sin_yaw * sin_pitch, cos_yaw * sin_pitch, sin_yaw * cos_pitch, cos_yaw * cos_pitch)
-        )
+        return looking(self.yaw, self.tilt)
+
+    def parts(self) -> list[CameraPoses]:
+        """Return each pose as a route of its own."""
+        rows = (slice(row, row + 1) for row in range(len(self.yaw)))
+        return [CameraPoses(self.position[row], self.yaw[row], self.tilt[row]) for row in rows]
+
+
+def poses_of(position: Float64, attitude: Float64 | None) -> CameraPoses:
+    """Return the poses of a craft that flies as stated.
+
+    Parameters
+    ----------
+    position : float64 (K, 3)
+    attitude : float64 (K, 4) or None
+        Unit quaternions x, y, z, w from the craft's axes (x ahead, y left, z up) to the map's; its
+        camera looks along -z. None: it looks straight down, and ahead to the next place.
+    """
+    if attitude is None:
+        step = np.diff(position[:, :2], axis=0, append=position[-1:, :2])
+        return CameraPoses(position, np.arctan2(step[:, 1], step[:, 0]), np.zeros(len(position)))
+    return CameraPoses(position, *looks_of(attitude))
 
 
 def fly_route(site: Site, height: float) -> CameraPoses:

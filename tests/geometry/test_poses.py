@@ -11,7 +11,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from mlscli.geometry.poses import Pose, Poses, PoseTrack, apply, identity, matrices, turn
+from mlscli.geometry.poses import (
+    Pose,
+    Poses,
+    PoseTrack,
+    apply,
+    identity,
+    looking,
+    looks_of,
+    matrices,
+    turn,
+)
 from mlscli.runtime.arrays import Float64
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -38,6 +48,17 @@ def track_of(stamps: list[float], xs: list[float]) -> PoseTrack:
 
 def xs_at(track: PoseTrack, *stamps: float) -> list[float]:
     return [float(x) for x in track.at(np.array(stamps, float)).translation[:, 0]]
+
+
+def test_attitudes_look_where_they_are_asked_to() -> None:
+    yaw, tilt = np.random.default_rng(5).uniform((-np.pi, 0), (np.pi, np.pi), (50, 2)).T
+    tilt[:3] = 0.0, np.pi / 2, 1e-3
+    turned = Rotation.from_quat(looking(yaw, tilt))
+    right = (np.sin(tilt) * np.cos(yaw), np.sin(tilt) * np.sin(yaw), -np.cos(tilt))
+    assert turned.apply([0.0, 0.0, -1.0]) == pytest.approx(np.stack(right, axis=1))
+    # The craft does not roll.
+    assert turned.apply([0.0, 1.0, 0.0])[:, 2] == pytest.approx(0.0)
+    assert np.stack(looks_of(looking(yaw, tilt))) == pytest.approx(np.stack((yaw, tilt)))
 
 
 # Chains

@@ -1,0 +1,175 @@
+"""``mls explore``: where to fly next."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mlscli.commands import report
+from mlscli.commands.flying import seeing
+from mlscli.commands.options import as_json, least_lines, overwrite, say, tell
+from mlscli.commands.query import NOT_KEPT
+from mlscli.commands.reading import Numbers
+from mlscli.errors import UsageError
+from mlscli.words import some
+
+if TYPE_CHECKING:
+    from mlscli.queries.exploration import Exploration
+
+ENDINGS = (".csv", ".tum", ".txt")
+
+
+@click.command()
+@click.argument("source", metavar="MAP")
+@click.option(
+    "--craft",
+    type=Numbers("W,H"),
+    required=True,
+    help="The craft's width (its longest diagonal, seen from above) and height.",
+)
+@seeing
+@click.option(
+    "--views",
+    type=click.IntRange(min=1),
+    default=12,
+    show_default=True,
+    metavar="N",
+    help="How many views to choose at most.",
+)
+@least_lines
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    metavar="FILE",
+    multiple=True,
+    help="Write the views: a table (.csv), or the way along them as a trajectory of TUM "
+    "(.tum, .txt), for mls synth --route and planners. More may be named.",
+)
+@overwrite
+@as_json
+def command(
+    source: str,
+    craft: tuple[float, float],
+    field_of_view: float,
+    reach: float | None,
+    views: int,
+    least: int,
+    outputs: tuple[str, ...],
+    overwrite: bool,
+    as_json: bool,
+) -> None:
+    """Say where a map is uncertain, and from where a look would settle it.
+
+    Uncertain are artificial patches, holes in the map, space under decks and behind windows that
+    nobody looked into (of maps built with --free-space), and the map's outer edges. Views are told
+    in the order in which to fly them, from the end of the route: those first that would see the
+    most uncertain cells for their way. The craft goes across at a safe height above all of the map,
+    straight down to each view, and up again.
+    """
+    from mlscli.io.writing.atomic import refuse_existing
+    from mlscli.io.writing.npz import read_map
+    from mlscli.queries.exploration import Camera
+    from mlscli.queries.explore import explore
+
+    writers = [_writer(output) for output in outputs]
+    for output in outputs:
+        refuse_existing(output, overwrite=overwrite, sources=[source])
+    surface = read_map(source)
+    found = explore(surface, *craft, Camera(field_of_view, reach), most=views, least=least)
+    for output, write in zip(outputs, writers, strict=True):
+        write(output, found, overwrite=overwrite)
+    if as_json:
+        told = _told(found, craft) | {"free_space": surface.free is not None}
+        click.echo(json.dumps(told, indent=2))
+        return
+    for line in _lines(Path(source).name, found, surface.cell_size):
+        tell(line)
+    if surface.free is None:
+        tell(f"space that nobody looked into is not among it: {NOT_KEPT}")
+    if len(found.regions) > found.tried:
+        say(f"{source}: views were tried for the {found.tried} largest regions only")
+
+
+def _writer(output: str) -> Callable[..., None]:
+    from mlscli.io.writing.views import write_trajectory, write_views
+
+    ending = Path(output).suffix.lower()
+    if ending not in ENDINGS:
+        raise UsageError(f"{output}: does not end in {', '.join(ENDINGS)}")
+    return write_views if ending == ".csv" else write_trajectory
+
+
+def _told(found: Exploration, craft: tuple[float, float]) -> dict[str, Any]:
+    """Return all that is found, as JSON has it."""
+    from mlscli.io.writing.views import rows_of
+    from mlscli.queries.uncertain import KINDS
+
+    return {
+        "camera": found.camera._asdict(),
+        "craft": dict(zip(("width", "height"), craft, strict=True)),
+        "cells": dict(zip(KINDS, found.cells, strict=True)),
+        "safe_height": found.safe,
+        "begin": list(found.begin),
+        "length": found.length,
+        "views": rows_of(found),
+        "regions": [
+            {"kind": KINDS[region.kind], "cells": region.cells, "middle": list(region.middle)}
+            for region in found.regions
+        ],
+        "regions_tried": found.tried,
+    }
+
+
+# --- as text ---
+
+_HEAD = ("view", "at", "yaw", "tilt", "sees", "across", "above ground", "way down")
+
+
+def _lines(name: str, found: Exploration, cell_size: float) -> list[str]:
+    from mlscli.queries.exploration import WAYS
+    from mlscli.queries.uncertain import KINDS
+
+    decimals = max(0, 2 - math.floor(math.log10(cell_size)))
+
+    def number(value: float) -> str:
+        return f"{value:.{decimals}f}"
+
+    def cells(counts: tuple[int, ...]) -> str:
+        told = [f"{n:,} {kind}" for n, kind in zip(counts, KINDS, strict=True) if n]
+        return ", ".join(told) or "none"
+
+    camera = found.camera
+    lines = [
+        f"{name}: {some(sum(found.cells), 'uncertain cell')} in "
+        f"{some(len(found.regions), 'region')}",
+        report.lines(
+            [
+                ("cells", cells(found.cells)),
+                ("camera", f"{camera.field_of_view:g} degrees, sees {number(camera.reach)} far"),
+                ("way", f"{number(found.length)} long, across at z {number(found.safe)}"),
+            ]
+        ),
+    ]
+    if not found.views:
+        return [*lines, "  no view would settle anything"]
+    rows = [_HEAD]
+    for n, view in enumerate(found.views, 1):
+        ground = number(view.ground) if math.isfinite(view.ground) else "-"
+        at = ",".join(map(number, view.place))
+        rows.append(
+            (
+                *(str(n), at, f"{view.yaw:.0f}", f"{view.tilt:.0f}", cells(view.sees)),
+                *(number(view.across), ground, WAYS[view.way]),
+            )
+        )
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return lines + [
+        "  " + "  ".join(f"{text:<{width}}" for text, width in zip(row, wide, strict=True)).rstrip()
+        for row in rows
+    ]
