@@ -83,7 +83,7 @@ def _refuse_file(target: Path, options: dict[str, Any]) -> None:
 
 
 def _counted(order: Order, counts: dict[str, int], notes: list[str] | None = None) -> Written:
-    held = ", ".join(f"{count} {name}" for name, count in counts.items())
+    held = ", ".join(f"{count:,} {name}" for name, count in counts.items())
     return Written([f"{order.target}: {held}"], {**counts}, notes or [])
 
 

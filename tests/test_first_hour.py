@@ -1,0 +1,80 @@
+"""The first hour: every command of the page runs, and prints what the page shows.
+
+How one could cheat: to show output that was never printed, or in another order; to leave out a
+command, so all of a page's commands run, in one folder, as a reader types them.
+"""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.helpers.program import mls
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / "docs/first-hour.md").read_text(encoding="utf-8")
+LEFT_OUT = "..."
+
+
+def steps() -> list[tuple[list[str], list[str]]]:
+    """Return the words of each command of the page, and the lines that it is shown to print."""
+    blocks = re.findall(r"(?:^    .*\n)+", PAGE, flags=re.MULTILINE)
+    told = "".join(re.sub("^    ", "", block, flags=re.MULTILINE) for block in blocks)
+    _, *parts = re.split(r"^\$ ", told, flags=re.MULTILINE)
+    lines = [part.splitlines() for part in parts]
+    return [(shlex.split(command), shown) for command, *shown in lines]
+
+
+def agrees(shown: list[str], printed: list[str]) -> bool:
+    """Return whether lines are those printed, in order; ``...`` stands for any number of them.
+
+    At the end of a line it stands for the rest of it.
+    """
+    if not shown:
+        return not printed
+    if shown[0].strip() == LEFT_OUT:
+        return any(agrees(shown[1:], printed[row:]) for row in range(len(printed) + 1))
+    begin, is_cut, _ = shown[0].partition(LEFT_OUT)
+    same = printed[:1] == [begin] or (is_cut and printed and printed[0].startswith(begin))
+    return bool(same) and agrees(shown[1:], printed[1:])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder in which all commands of the page ran, one after the other."""
+    folder = tmp_path_factory.mktemp("hour")
+    for words, shown in steps():
+        assert words[0] == "mls"
+        done = mls(*words[1:], cwd=folder)
+        printed = done.stdout.splitlines()
+        assert agrees(shown, printed), (words, done.stdout, done.stderr)
+        assert "internal error" not in done.stderr
+    return folder
+
+
+def test_every_command_prints_what_the_page_shows(folder: Path) -> None:
+    assert len(steps()) > 12
+    assert (folder / "flight.html").stat().st_size > 0
+
+
+def test_the_python_shown_says_what_its_comment_does(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+    (folder / "shown.py").write_text(code)
+    names = runpy.run_path("shown.py")
+    np.testing.assert_allclose(names["heights"], [1.5, 0.0], rtol=0, atol=0.05)
+    assert (folder / "mesh.ply").stat().st_size > 0
+
+
+def test_lines_that_were_not_printed_are_noticed() -> None:
+    printed = ["a: 1", "b: 2", "c: 3"]
+    assert agrees(["a: 1", "...", "c: ..."], printed)
+    for wrong in (["a: 1"], ["a: 1", "...", "b: 2"], ["b: 2", "..."], ["a: 2", "..."]):
+        assert not agrees(wrong, printed)
