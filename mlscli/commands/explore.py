@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +18,10 @@ from mlscli.errors import UsageError
 from mlscli.words import some
 
 if TYPE_CHECKING:
+    from mlscli.maps.surface_map import SurfaceMap
     from mlscli.queries.exploration import Exploration
 
-ENDINGS = (".csv", ".tum", ".txt")
+ENDINGS = (".csv", ".tum", ".txt", ".plan", ".mcap", ".html")
 
 
 @click.command()
@@ -48,8 +48,15 @@ ENDINGS = (".csv", ".tum", ".txt")
     "outputs",
     metavar="FILE",
     multiple=True,
-    help="Write the views: a table (.csv), or the way along them as a trajectory of TUM "
-    "(.tum, .txt), for mls synth --route and planners. More may be named.",
+    help="Write the views: a table (.csv); the way along them as a trajectory of TUM (.tum, .txt) "
+    "for mls synth --route, a plan of QGroundControl (.plan), or a path and markers for RViz and "
+    "Foxglove (.mcap); or the map's page with them (.html). More may be named.",
+)
+@click.option(
+    "--origin",
+    type=Numbers("LAT,LON,ALT"),
+    help="For a plan: where the map's origin lies (degrees, metres above sea level). Its x points "
+    "east, its y north, in metres.",
 )
 @overwrite
 @as_json
@@ -61,6 +68,7 @@ def command(
     views: int,
     least: int,
     outputs: tuple[str, ...],
+    origin: tuple[float, float, float] | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -77,13 +85,13 @@ def command(
     from mlscli.queries.exploration import Camera
     from mlscli.queries.explore import explore
 
-    writers = [_writer(output) for output in outputs]
     for output in outputs:
+        _check(output, origin)
         refuse_existing(output, overwrite=overwrite, sources=[source])
     surface = read_map(source)
     found = explore(surface, *craft, Camera(field_of_view, reach), most=views, least=least)
-    for output, write in zip(outputs, writers, strict=True):
-        write(output, found, overwrite=overwrite)
+    for output in outputs:
+        _write(output, surface, found, origin, overwrite=overwrite)
     if as_json:
         told = _told(found, craft) | {"free_space": surface.free is not None}
         click.echo(json.dumps(told, indent=2))
@@ -96,13 +104,50 @@ def command(
         say(f"{source}: views were tried for the {found.tried} largest regions only")
 
 
-def _writer(output: str) -> Callable[..., None]:
-    from mlscli.io.writing.views import write_trajectory, write_views
-
+def _check(output: str, origin: tuple[float, float, float] | None) -> None:
+    """Refuse an output that cannot be written, before any work."""
     ending = Path(output).suffix.lower()
     if ending not in ENDINGS:
         raise UsageError(f"{output}: does not end in {', '.join(ENDINGS)}")
-    return write_views if ending == ".csv" else write_trajectory
+    if ending == ".plan" and origin is None:
+        raise UsageError(
+            f"{output}: a plan is in degrees, and the map is local; say where its origin lies, as "
+            "in --origin 47.3765,8.5482,410, its x pointing east and its y north"
+        )
+
+
+def _write(
+    output: str,
+    surface: SurfaceMap,
+    found: Exploration,
+    origin: tuple[float, float, float] | None,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write what was found in the format that a name asks for."""
+    ending = Path(output).suffix.lower()
+    if ending == ".csv":
+        from mlscli.io.writing.views import write_views
+
+        write_views(output, found, overwrite=overwrite)
+    elif ending == ".plan":
+        from mlscli.io.writing.plan import Origin, write_plan
+
+        assert origin is not None
+        write_plan(output, found, Origin(*origin), overwrite=overwrite)
+    elif ending == ".mcap":
+        from mlscli.io.writing.explored import write_explored
+
+        write_explored(output, found, surface.frame_id, surface.cell_size, overwrite=overwrite)
+    elif ending == ".html":
+        from mlscli.view.page import write_page
+
+        title = Path(output).stem
+        write_page(output, surface, title=title, explored=found, overwrite=overwrite)
+    else:
+        from mlscli.io.writing.views import write_trajectory
+
+        write_trajectory(output, found, overwrite=overwrite)
 
 
 def _told(found: Exploration, craft: tuple[float, float]) -> dict[str, Any]:

@@ -11,11 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mlscli.io.writing.explored import drawing
 from mlscli.maps.cells import cell_indices, on_grid, pack
 from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.maps.uncovering import appearing, patch_places
 from mlscli.mesh import ROUTE, Mesh, build_mesh
 from mlscli.mesh.colours import height_colours, height_range, origin_at, patch_colours
+from mlscli.queries.exploration import Exploration
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
 # A triangle is upright if at most this share of its area is seen from above.
@@ -84,7 +86,10 @@ class Picture(NamedTuple):
 
 
 def picture(
-    surface: SurfaceMap, points: Float64 | None = None, mesh: Mesh | None = None
+    surface: SurfaceMap,
+    points: Float64 | None = None,
+    mesh: Mesh | None = None,
+    explored: Exploration | None = None,
 ) -> Picture:
     """Return the layers of a map.
 
@@ -95,6 +100,8 @@ def picture(
         Points to show with the map, in the map frame; of more than `MOST_POINTS`, every n-th.
     mesh : Mesh, optional
         The map's surfaces and walls; by default as `build_mesh` makes them.
+    explored : Exploration, optional
+        Views of the map to show with it.
     """
     when = appearing(surface)
     mesh = build_mesh(surface) if mesh is None else mesh
@@ -106,6 +113,12 @@ def picture(
     if points is not None:
         vertices["points"], cloud = _points(surface, points)
         layers.append(cloud)
+    if explored is not None and explored.views:
+        lines = drawing(explored)
+        vertices["views"] = Vertices(lines.vertices, lines.colours)
+        # They are of the finished map.
+        when = np.full(len(lines.ends), max(len(surface.route) - 1, 0), dtype=np.int32)
+        layers.append(_sorted("views", "views", lines.ends, when))
     return Picture(vertices, layers)
 
 

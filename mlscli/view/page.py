@@ -24,6 +24,7 @@ from mlscli.io.writing.atomic import atomic_write
 from mlscli.keyframes.keyframe import require_points
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, height_scale
+from mlscli.queries.exploration import Exploration
 from mlscli.runtime.arrays import Array, Float64, Int64
 from mlscli.view.colourings import colourings
 from mlscli.view.layers import Picture, picture
@@ -67,6 +68,7 @@ def write_page(
     *,
     title: str = "map",
     points: Float64 | None = None,
+    explored: Exploration | None = None,
     overwrite: bool = False,
 ) -> dict[str, int]:
     """Write the page of a map, whole or not at all.
@@ -80,6 +82,8 @@ def write_page(
         The title of the page.
     points : float64 (N, 3), optional
         Points to show with the map, in the map frame.
+    explored : Exploration, optional
+        Views of the map to show with it.
     overwrite : bool
         Whether an existing file is replaced.
 
@@ -99,7 +103,8 @@ def write_page(
     expect(title, str, "title", "a text")
     if points is not None:
         require_points(points, "points")
-    shown = picture(surface, points)
+    expect(explored, (Exploration, type(None)), "explored", "what `explore` returns")
+    shown = picture(surface, points, explored=explored)
     header, data = _pack(surface, shown, title)
     if len(data) > _LARGEST_BYTES:
         raise OutputError(

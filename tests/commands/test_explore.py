@@ -33,7 +33,10 @@ def test_views_are_told_and_their_way_is_flown_by_synth(tmp_path: Path) -> None:
     assert lines[2] == "  camera  90 degrees, sees 8.000 far"
     assert lines[4].split()[:6] == ["view", "at", "yaw", "tilt", "sees", "across"]
     assert len(lines) == 9
-    told = json.loads(mls(*asked, "--views", "4", "--json", cwd=tmp_path).stdout)
+    more = ("-o", "views.plan", "-o", "views.mcap", "-o", "views.html", "--origin", "47,8,400")
+    told = json.loads(mls(*asked, "--views", "4", "--json", *more, cwd=tmp_path).stdout)
+    for ending in ("plan", "mcap", "html"):
+        assert (tmp_path / f"views.{ending}").stat().st_size > 1000
     assert told["free_space"] is True
     assert len(told["views"]) == 4
     with (tmp_path / "yard.csv").open(newline="") as file:
@@ -72,6 +75,7 @@ def test_what_it_does_not_know_is_said(tmp_path: Path) -> None:
     ("words", "fault"),
     [
         (("--craft", "0.5,0.5", "-o", "views.pdf"), "views.pdf: does not end in .csv, .tum, "),
+        (("--craft", "0.5,0.5", "-o", "views.plan"), "views.plan: a plan is in degrees, and the "),
         (("--craft", "0.5,0.5", "--range", "-1"), "--range -1: expected more than a cell, 0.5"),
     ],
 )

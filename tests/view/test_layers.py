@@ -12,9 +12,11 @@ import numpy as np
 
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import build_mesh
+from mlscli.queries.explore import explore
 from mlscli.view.layers import MOST_POINTS, Layer, Picture, picture
 from tests.helpers.maps import Patch, map_of
 from tests.helpers.meshes import a_map, house, plane, soup
+from tests.queries.test_explore import yard
 
 
 def layers_of(shown: Picture) -> dict[str, Layer]:
@@ -130,3 +132,16 @@ def test_points_are_thinned_where_there_are_too_many() -> None:
 def test_an_empty_map_shows_nothing() -> None:
     shown = picture(map_of([]), np.empty((0, 3)))
     assert all(len(layer.elements) == 0 for layer in shown.layers)
+
+
+def test_views_appear_with_the_finished_map() -> None:
+    found = explore(yard(), 0.5, 0.5, most=2)
+    shown = picture(yard(), explored=found)
+    layer = shown.layers[-1]
+    assert layer.name == "views"
+    assert set(layer.when.tolist()) == {len(yard().route) - 1}
+    vertices = shown.vertices["views"].position
+    for view in found.views:
+        # On the way, and where its camera is.
+        assert (vertices == view.place).all(axis=1).sum() >= 2
+    assert all(layer.name != "views" for layer in picture(yard()).layers)

@@ -178,9 +178,15 @@ class BagWriter:
         self._write(topic, stamp, message)
 
     def path(
-        self, topic: str, stamp: int, frame_id: str, stamps: Sequence[int], positions: Float64
+        self,
+        topic: str,
+        stamp: int,
+        frame_id: str,
+        stamps: Sequence[int],
+        positions: Float64,
+        attitudes: Float64 | None = None,
     ) -> None:
-        """Write a path, without attitudes.
+        """Write a path.
 
         Parameters
         ----------
@@ -191,14 +197,20 @@ class BagWriter:
         stamps : sequence of int
             Time of each position in nanoseconds.
         positions : float64 (K, 3)
+        attitudes : float64 (K, 4), optional
+            Unit quaternions x, y, z, w; None: they are not known.
         """
+        if attitudes is None:
+            attitudes = np.tile(_NO_TURN, (len(positions), 1))
         poses = [
             self._new(
                 "geometry_msgs/msg/PoseStamped",
                 header=self._header(passed, frame_id),
-                pose=self._pose(position, _NO_TURN),
+                pose=self._pose(position, attitude),
             )
-            for passed, position in zip(stamps, positions.tolist(), strict=True)
+            for passed, position, attitude in zip(
+                stamps, positions.tolist(), attitudes.tolist(), strict=True
+            )
         ]
         self._write(
             topic, stamp, self._new(PATH_TYPE, header=self._header(stamp, frame_id), poses=poses)

@@ -4,6 +4,7 @@ const LABELS = {
   surface: "Surfaces", walls: "Walls", artificial: "Artificial (uncertain)",
   route: "Route on the ground", track: "Route in the air", patches: "Patches as points",
   depths: "Depths as lines", points: "Points of the recording",
+  views: "Where to look next",
 };
 
 // A number in as few digits as a scale needs.
