@@ -183,7 +183,8 @@ def _row(what: str, found: Sequence[tuple[Off, Off]]) -> tuple[str, ...]:
     cells = [what]
     for kind in zip(*found, strict=True):
         times = np.concatenate([each.times for each in kind])
-        cells += [f"{len(times):,}", *(f"{100 * np.mean(times <= most):.1f}" for most in (1, 2, 3))]
+        cells.append(f"{len(times):,}")
+        cells += [f"{100 * np.mean(times <= n):.1f}" if len(times) else "-" for n in (1, 2, 3)]
     return (*cells, str(sum(each.unknown for both in found for each in both)))
 
 
