@@ -32,6 +32,8 @@ class Footprints(NamedTuple):
         Lowest, highest and mean height of the part, and the variance of its heights, over its
         area (of an upright one: as if uniform between the ends); in the unit of the scene, the
         variance in its square.
+    rise : float64 (F,)
+        By how much the lower and the upper edge of an upright part rise within it; 0 for others.
     """
 
     ix: Int64
@@ -43,6 +45,7 @@ class Footprints(NamedTuple):
     high: Float64
     mean: Float64
     variance: Float64
+    rise: Float64
 
     def take(self, which: Bool | Int64) -> Footprints:
         """Return the parts that a mask or indices choose."""
@@ -58,6 +61,7 @@ def footprints(surfaces: Sequence[Surface], cell_size: float) -> tuple[Footprint
         chosen = [number for number, surface in enumerate(surfaces) if surface.upright == upright]
         owner, corner, along, across = _solid([surfaces[number] for number in chosen])
         piece, ix, iy, share, *heights = clip(corner, along, across, cell_size)
+        heights += [] if upright else [np.zeros(len(ix))]
         surface = np.array(chosen, dtype=np.int64)[owner[piece]]
         parts.append(Footprints(ix, iy, planes[surface], share, slants[surface], *heights))
     return parts[0], parts[1]
@@ -294,7 +298,7 @@ def _clip_upright(
         x0, x1, y0, y1 = _cells_of(corner[r], along[r], across[r], cell_size)
         size += (x1 - x0 + 1) * (y1 - y0 + 1)
     where = np.empty((3, size), dtype=np.int64)
-    values = np.empty((5, size))
+    values = np.empty((6, size))
     found = 0
     for r in range(len(corner)):
         length = math.hypot(along[r, 0], along[r, 1])
@@ -317,6 +321,8 @@ def _clip_upright(
                     values[1, found], values[2, found] = low, high
                     values[3, found] = (low + high) / 2
                     values[4, found] = (high - low) ** 2 / 12
+                    values[5, found] = abs(end - begin)
                     found += 1
     where, values = where[:, :found], values[:, :found]
-    return where[0], where[1], where[2], values[0], values[1], values[2], values[3], values[4]
+    share, low, high, mean, variance, rise = values
+    return where[0], where[1], where[2], share, low, high, mean, variance, rise

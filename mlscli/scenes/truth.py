@@ -24,7 +24,7 @@ from mlscli.maps.cells import pack, unpack
 from mlscli.maps.patches import linked, runs, shapes_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Float64, Int64, UInt64
-from mlscli.runtime.kernels import kernel
+from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.sorting import sort_along
 from mlscli.scenes.footprints import Footprints, cells_spanned, footprints
 from mlscli.scenes.surfaces import Scene, scene_from_json, scene_to_json
@@ -187,7 +187,7 @@ def _standing(
     """Return the upright surfaces that are present, as `_covered` does."""
     order, start = _by_cell_and_plane(parts)
     parts = parts.take(order)
-    group, low, high, side = _stretches(start, parts.low, parts.high, parts.share)
+    group, low, high, side = _stretches(start, parts.low, parts.high, parts.share, parts.rise)
     keys = pack(parts.ix, parts.iy)[start[group]]
     return keys, low, high, (low + high) / 2, (high - low) ** 2 / 12, side / cell_size
 
@@ -228,7 +228,7 @@ def pool(
 
 @kernel
 def _stretches(
-    start: Int64, low: Float64, high: Float64, share: Float64
+    start: Int64, low: Float64, high: Float64, share: Float64, rise: Float64
 ) -> tuple[Int64, Float64, Float64, Float64]:
     """Return the ranges of height in which the parts of a group are half a cell's side long.
 
@@ -240,6 +240,8 @@ def _stretches(
         Lowest and highest height of each part.
     share : float64 (F,)
         Length of each part, in sides of a cell.
+    rise : float64 (F,)
+        By how much its lower and its upper edge rise within it.
 
     Returns
     -------
@@ -251,29 +253,50 @@ def _stretches(
         Area of the parts within it, divided by the side of a cell.
     """
     found = 0
-    group = np.empty(2 * len(low), dtype=np.int64)
-    ends = np.empty((3, 2 * len(low)))
+    group = np.empty(4 * len(low), dtype=np.int64)
+    ends = np.empty((3, 4 * len(low)))
     for g in range(len(start) - 1):
         begin, end = start[g], start[g + 1]
-        marks = np.empty(2 * (end - begin))
+        marks = np.empty(4 * (end - begin))
         for i in range(begin, end):
-            marks[2 * (i - begin)], marks[2 * (i - begin) + 1] = low[i], high[i]
+            at = 4 * (i - begin)
+            marks[at], marks[at + 1] = low[i], low[i] + rise[i]
+            marks[at + 2], marks[at + 3] = high[i] - rise[i], high[i]
         sort_along(marks, marks)
-        reaches = False
+        reached = -np.inf
         for m in range(len(marks) - 1):
             bottom, top = marks[m], marks[m + 1]
             if top == bottom:
                 continue
-            side = 0.0
+            # Between marks the length is linear in height.
+            first = last = 0.0
             for i in range(begin, end):
                 if low[i] <= bottom and high[i] >= top:
-                    side += share[i]
-            if side >= _HALF:
-                if not reaches:
-                    group[found] = g
-                    ends[0, found], ends[2, found] = bottom, 0.0
-                    found += 1
-                ends[1, found - 1] = top
-                ends[2, found - 1] += side * (top - bottom)
-            reaches = side >= _HALF
+                    first += share[i] * _part_at(bottom, low[i], high[i], rise[i])
+                    last += share[i] * _part_at(top, low[i], high[i], rise[i])
+            if max(first, last) < _HALF:
+                continue
+            crossing = bottom
+            if min(first, last) < _HALF:
+                crossing += (top - bottom) * (_HALF - first) / (last - first)
+            if first < _HALF:
+                bottom, first = crossing, _HALF
+            elif last < _HALF:
+                top, last = crossing, _HALF
+            if bottom != reached:
+                group[found] = g
+                ends[0, found], ends[2, found] = bottom, 0.0
+                found += 1
+            ends[1, found - 1] = reached = top
+            ends[2, found - 1] += (first + last) / 2 * (top - bottom)
     return group[:found], ends[0, :found], ends[1, :found], ends[2, :found]
+
+
+@inner
+def _part_at(height: float, low: float, high: float, rise: float) -> float:
+    """Return which part of its length an upright part has at a height between its ends."""
+    if rise == 0.0:
+        return 1.0
+    begun = min(max((height - low) / rise, 0.0), 1.0)
+    ended = min(max((height - high + rise) / rise, 0.0), 1.0)
+    return begun - ended

@@ -23,7 +23,7 @@ from mlscli.pipeline.grouping import group
 from mlscli.runtime.arrays import Float64
 from mlscli.scenes.parts import floor, ramp, wall
 from mlscli.scenes.presets import make
-from mlscli.scenes.surfaces import Scene, add_horizontal
+from mlscli.scenes.surfaces import Scene, add_horizontal, add_vertical
 from mlscli.scenes.truth import truth, truth_from_meta
 from tests.helpers.maps import symmetries, turned_map
 from tests.scenes.scenes import cloud, random_scene
@@ -47,16 +47,16 @@ def by_cell(surface: SurfaceMap) -> dict[Cell, Patches]:
 def reference(scene: Scene, half: float) -> Points:
     """Return dense points of what covers enough: floors of a cell's area, walls of its side."""
     kept = []
-    for surface, (xyz, ab) in zip(scene.surfaces, cloud(scene, FINE), strict=True):
+    for surface, (xyz, _) in zip(scene.surfaces, cloud(scene, FINE), strict=True):
         steps = [edge / math.ceil(edge / FINE) for edge in surface.lengths]
         if surface.upright:
             # At each height, how much of the cell's side.
             share = steps[0] * math.hypot(*surface.along[:2]) / surface.lengths[0] / CELL
-            heights = ab[:, 1]
+            heights = np.floor(xyz[:, 2] / steps[1])
         else:
             slant = math.hypot(*surface.normal) / abs(surface.normal[2])
             share = steps[0] * steps[1] / slant / CELL**2
-            heights = np.zeros(len(ab))
+            heights = np.zeros(len(xyz))
         rows = np.column_stack((np.floor(xyz[:, :2] / CELL), heights))
         _, number, counts = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
         kept.append(xyz[counts[number.reshape(-1)] * share >= half])
@@ -148,6 +148,16 @@ def test_a_wall_is_there_where_half_a_side_of_it_is() -> None:
     assert patches(scene, (0, 0)) == [(3.0, 2.0)]
     assert patches(scene, (1, 0)) == [(3.0, 2.0)]
     assert patches(scene, (2, 0)) == []
+
+
+def test_a_wall_that_rises_is_there_at_the_heights_where_half_a_side_of_it_is() -> None:
+    rising = add_vertical(Scene(""), (1.5, 0.5, 1.75), (3.0, 2.0), grade=0.5)
+    # From 0 to 0.5 at its foot, within a cell; half a side of it stands from 0.25 on.
+    assert patches(rising, (0, 0)) == [pytest.approx((2.25, 2.0), abs=1e-5)]
+    assert patches(rising, (2, 0)) == [pytest.approx((3.25, 2.0), abs=1e-5)]
+    steep = add_vertical(Scene(""), (0.5, 0.5, 1.5), (1.0, 1.0), grade=2.0)
+    assert patches(steep, (0, 0)) == [pytest.approx((2.0, 1.0), abs=1e-5)]
+    assert patches(add_vertical(Scene(""), (0.5, 0.5, 1.5), (1.0, 0.9), grade=2.0), (0, 0)) == []
 
 
 def test_a_wall_on_an_edge_stands_in_one_row_of_cells() -> None:
