@@ -24,6 +24,7 @@ from mlscli.mesh.ground import route_on_ground
 from mlscli.mesh.orientation import oriented
 from mlscli.mesh.triangulation import NONE, Nodes, links, nodes_of, surface_triangles
 from mlscli.mesh.walls import measured_ends, walls_of
+from mlscli.parameters.lengths import ALIKE
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
 Style: TypeAlias = Literal["surface", "patches"]
@@ -156,7 +157,8 @@ def build_mesh(
     paint = Paint(surface, colour)
     if not artificial:
         surface = surface.take(surface.origin != ARTIFICIAL)
-    reach = max_slope * surface.cell_size
+    # Lengths within 1e-9 of a cell are equal: heights that rounding tells apart make no sliver.
+    reach = (max_slope + ALIKE) * surface.cell_size
     nodes = nodes_of(surface, reach if style == "surface" else math.inf)
     if style == "surface":
         mesh = _assemble(surface, paint, _drawn(surface, nodes, reach))

@@ -232,6 +232,15 @@ def test_the_route_is_a_green_line_just_above_the_ground(style: Style) -> None:
     assert (mesh.group(mesh.lines) == ROUTE).all()
 
 
+def test_heights_that_differ_by_rounding_are_one_plane_whatever_the_slope() -> None:
+    level, rounded = a_map((0.3, 0.3, 0.3, 0.3)), a_map((0.3, 0.1 + 0.2, 0.3, 0.1 + 0.2))
+
+    meshes = [build_mesh(each, max_slope=0.0) for each in (level, rounded)]
+
+    assert len(meshes[0].triangles) == len(meshes[1].triangles) > 0
+    assert len(meshes[0].vertices) == len(meshes[1].vertices)
+
+
 @pytest.mark.parametrize("slope", [-0.1, np.nan, np.inf])
 def test_a_slope_that_is_none_is_refused(slope: float) -> None:
     with pytest.raises(UsageError, match=r"`max_slope` .* of 0 or more"):
