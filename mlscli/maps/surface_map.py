@@ -373,6 +373,8 @@ class SurfaceMap:
         yield from self.free.faults() if self.free is not None else ()
         if not self._is_sorted():
             yield "ix, iy, height: patches are not sorted by (ix, iy, height, depth, origin, count)"
+        if np.logical_and.reduce([key[1:] == key[:-1] for key in self.keys]).any():
+            yield "ix, iy, height: a patch is there twice"
 
     def _form_faults(self) -> Iterator[str]:
         for name, dtype in COLUMNS.items():

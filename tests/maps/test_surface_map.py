@@ -194,6 +194,14 @@ def test_a_check_says_what_is_wrong(words: str) -> None:
         replace(a_map(), **FAULTS_BY_WORDS[words]).check()
 
 
+def test_no_patch_may_be_there_twice() -> None:
+    inserted = [Patch(0, 0, 1.0, 0.0, origin, 0) for origin in (1, 2, 2)]
+
+    map_of(inserted[:2]).check()
+    with pytest.raises(InputError, match="a patch is there twice"):
+        map_of(inserted).check()
+
+
 def test_measured_patches_of_a_cell_may_not_overlap() -> None:
     twice = [Patch(0, 0, 1.0, 0.0, 0, 3), Patch(0, 0, 1.0, 0.0, 0, 3)]
     within = [Patch(0, 0, 1.0, 0.0, 0, 3), Patch(0, 0, 2.0, 1.5, 0, 3)]
