@@ -12,6 +12,7 @@ import numpy as np
 from mlscli.errors import UsageError, expect
 from mlscli.maps.patches import runs
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.queries.flown import with_flown
 from mlscli.queries.looked import look
 from mlscli.queries.obstacles import CORE, GUESSED, OUTER, Craft, Obstacles, meet
 from mlscli.queries.pieces import Pieces, pieces_of
@@ -143,7 +144,8 @@ def clearance(
 
     The craft is an upright cylinder around its place: however it turns, it stays within one as wide
     as its longest diagonal. Nothing is sampled: each piece is held against every cell that the
-    cylinder reaches into on it. See `mlscli.queries.obstacles` for what it may meet, and
+    cylinder reaches into on it. Where the craft was when the map was recorded is free, see
+    `mlscli.queries.flown`. See `mlscli.queries.obstacles` for what it may meet, and
     `mlscli.queries.looked` for what was never seen.
 
     Parameters
@@ -177,6 +179,22 @@ def clearance(
     True
     """
     expect_craft(surface, width, height, least)
+    return along(with_flown(surface), polyline, width, height, least)
+
+
+def along(
+    surface: SurfaceMap, polyline: Float64, width: float, height: float, least: int
+) -> Clearance:
+    """Return what `clearance` does, of a map that holds where the craft was, see `with_flown`.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+    polyline : float64 (K, 3)
+    width, height : float
+    least : int
+        As for `clearance`, and right.
+    """
     side = surface.cell_size
     pieces = pieces_of(polyline, side)
     place = pieces.place

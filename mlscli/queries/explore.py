@@ -23,8 +23,9 @@ import numpy as np
 
 from mlscli.errors import UsageError, expect
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.queries.clearance import FITS, NEVER_SEEN, clearance, expect_craft
+from mlscli.queries.clearance import FITS, NEVER_SEEN, along, expect_craft
 from mlscli.queries.exploration import BLIND, FREE, HIGH, Camera, Exploration, Region, View
+from mlscli.queries.flown import with_flown
 from mlscli.queries.levels import height_at
 from mlscli.queries.sights import Hiding, in_sight
 from mlscli.queries.uncertain import EDGE, KINDS, Uncertain, uncertain
@@ -76,6 +77,7 @@ def explore(
     if most < 1:
         raise UsageError(f"`most` {most}: expected 1 or more")
     camera = (camera or Camera()).settled(surface)
+    surface = with_flown(surface)
     found = uncertain(surface, camera.reach / 2, least)
     search = _Search(surface, found, camera, (width, height), least)
     views = tuple(search.views(most))
@@ -206,7 +208,7 @@ class _Search:
         if place[2] >= self.safe:
             return HIGH
         above = np.array([place[0], place[1], self.safe])
-        way = clearance(self._surface, np.stack((above, place)), *self._craft, self._least)
+        way = along(self._surface, np.stack((above, place)), *self._craft, self._least)
         return {FITS: FREE, NEVER_SEEN: BLIND}.get(way.overall, _BLOCKED)
 
     def _look(self, tries: _Tries, view: int, at: Float64) -> View:
