@@ -56,6 +56,11 @@ _MOST_STRETCHES = 12
     metavar="FILE",
     help="Write the way, coloured by its clearance, for Lichtblick, Foxglove and RViz.",
 )
+@click.option(
+    "--html",
+    metavar="FILE",
+    help="Write the page of the map, with the way coloured by its clearance.",
+)
 @overwrite
 @as_json
 def command(
@@ -66,6 +71,7 @@ def command(
     path: str | None,
     least: int,
     mcap: str | None,
+    html: str | None,
     overwrite: bool,
     as_json: bool,
 ) -> int:
@@ -87,9 +93,9 @@ def command(
     from mlscli.queries.clearance import BLOCKED, FITS, clearance
 
     corners = None if line is None else _corners(line)
-    if mcap is not None:
-        sources = [source] if path is None else [source, path]
-        refuse_existing(mcap, overwrite=overwrite, sources=sources)
+    sources = [source] if path is None else [source, path]
+    for output in filter(None, (mcap, html)):
+        refuse_existing(output, overwrite=overwrite, sources=sources)
     surface = read_map(source)
     if path is not None:
         corners = _positions(path)
@@ -100,6 +106,10 @@ def command(
         from mlscli.io.writing.way import write_way
 
         write_way(mcap, found, surface.frame_id, overwrite=overwrite)
+    if html is not None:
+        from mlscli.view.page import write_page
+
+        write_page(html, surface, title=Path(html).stem, fitted=found, overwrite=overwrite)
     told = _told(surface, found, least)
     if as_json:
         click.echo(json.dumps(told, indent=2))

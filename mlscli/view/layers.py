@@ -12,11 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.io.writing.explored import drawing
+from mlscli.io.writing.way import way_colours
 from mlscli.maps.cells import cell_indices, on_grid, pack
 from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.maps.uncovering import appearing, patch_places
 from mlscli.mesh import ROUTE, Mesh, build_mesh
 from mlscli.mesh.colours import height_colours, height_range, origin_at, patch_colours
+from mlscli.queries.clearance import Clearance
 from mlscli.queries.exploration import Exploration
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt8
 
@@ -90,6 +92,7 @@ def picture(
     points: Float64 | None = None,
     mesh: Mesh | None = None,
     explored: Exploration | None = None,
+    fitted: Clearance | None = None,
 ) -> Picture:
     """Return the layers of a map.
 
@@ -102,6 +105,8 @@ def picture(
         The map's surfaces and walls; by default as `build_mesh` makes them.
     explored : Exploration, optional
         Views of the map to show with it.
+    fitted : Clearance, optional
+        The way of a craft to show, coloured by its clearance.
     """
     when = appearing(surface)
     mesh = build_mesh(surface) if mesh is None else mesh
@@ -113,12 +118,15 @@ def picture(
     if points is not None:
         vertices["points"], cloud = _points(surface, points)
         layers.append(cloud)
+    # These are of the finished map.
+    last = max(len(surface.route) - 1, 0)
     if explored is not None and explored.views:
         lines = drawing(explored)
         vertices["views"] = Vertices(lines.vertices, lines.colours)
-        # They are of the finished map.
-        when = np.full(len(lines.ends), max(len(surface.route) - 1, 0), dtype=np.int32)
-        layers.append(_sorted("views", "views", lines.ends, when))
+        layers.append(_at("views", lines.ends, last))
+    if fitted is not None:
+        vertices["clearance"], way = _fitted(fitted)
+        layers.append(_at("clearance", way, last))
     return Picture(vertices, layers)
 
 
@@ -206,6 +214,20 @@ def _points(surface: SurfaceMap, points: Float64) -> tuple[Vertices, Layer]:
         place = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
         when[on_cells] = np.where(keys[place] == own, appears[place], 0)
     return vertices, _sorted("points", "points", np.arange(len(points))[:, None], when)
+
+
+def _fitted(fitted: Clearance) -> tuple[Vertices, Int64]:
+    """Return the way of a craft as lines, and at each piece one as high as the craft."""
+    place, half = fitted.pieces.place, np.array([0, 0, fitted.height / 2])
+    middle = (place[:-1] + place[1:]) / 2
+    ends = np.stack((place[:-1], place[1:], middle - half, middle + half), axis=1).reshape(-1, 3)
+    colours = np.repeat(way_colours(fitted), 4, axis=0)
+    return Vertices(ends, colours), np.arange(len(ends)).reshape(-1, 2)
+
+
+def _at(name: str, lines: Int32 | Int64, keyframe: int) -> Layer:
+    """Return lines between vertices of the layer's name that all appear with a keyframe."""
+    return _sorted(name, name, lines, np.full(len(lines), keyframe, dtype=np.int32))
 
 
 def _sorted(

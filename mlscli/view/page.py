@@ -24,6 +24,7 @@ from mlscli.io.writing.atomic import atomic_write
 from mlscli.keyframes.keyframe import require_points
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 from mlscli.mesh.colours import ROUTE_GREEN, height_scale
+from mlscli.queries.clearance import Clearance
 from mlscli.queries.exploration import Exploration
 from mlscli.runtime.arrays import Array, Float64, Int64
 from mlscli.view.colourings import colourings
@@ -69,6 +70,7 @@ def write_page(
     title: str = "map",
     points: Float64 | None = None,
     explored: Exploration | None = None,
+    fitted: Clearance | None = None,
     overwrite: bool = False,
 ) -> dict[str, int]:
     """Write the page of a map, whole or not at all.
@@ -84,6 +86,8 @@ def write_page(
         Points to show with the map, in the map frame.
     explored : Exploration, optional
         Views of the map to show with it.
+    fitted : Clearance, optional
+        The way of a craft to show, coloured by its clearance.
     overwrite : bool
         Whether an existing file is replaced.
 
@@ -104,7 +108,8 @@ def write_page(
     if points is not None:
         require_points(points, "points")
     expect(explored, (Exploration, type(None)), "explored", "what `explore` returns")
-    shown = picture(surface, points, explored=explored)
+    expect(fitted, (Clearance, type(None)), "fitted", "what `clearance` returns")
+    shown = picture(surface, points, explored=explored, fitted=fitted)
     header, data = _pack(surface, shown, title)
     if len(data) > _LARGEST_BYTES:
         raise OutputError(

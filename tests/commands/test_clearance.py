@@ -163,9 +163,11 @@ def test_wrong_crafts_are_refused(tmp_path: Path) -> None:
 
 def test_the_way_is_written_only_where_nothing_is_lost(tmp_path: Path) -> None:
     deck(tmp_path)
-    given = ("clearance", "deck.npz", "--craft", "1,1", "--line", UNDER, "--mcap", "way.mcap")
+    given = ("clearance", "deck.npz", "--craft", "1,1", "--line", UNDER, "--mcap", "way.mcap",
+             "--html", "way.html")  # fmt: skip
     assert mls(*given, cwd=tmp_path).returncode == 0
     assert (tmp_path / "way.mcap").stat().st_size > 0
+    assert '"name": "clearance"' in (tmp_path / "way.html").read_text()
     done = mls(*given, cwd=tmp_path)
     assert done.returncode == 1
     assert "way.mcap" in done.stderr

@@ -9,9 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from mlscli.io.writing.way import way_colours
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import build_mesh
+from mlscli.queries.clearance import BLOCKED, FITS, NEVER_SEEN, clearance
 from mlscli.queries.explore import explore
 from mlscli.view.layers import MOST_POINTS, Layer, Picture, picture
 from tests.helpers.maps import Patch, map_of
@@ -145,3 +148,20 @@ def test_views_appear_with_the_finished_map() -> None:
         # On the way, and where its camera is.
         assert (vertices == view.place).all(axis=1).sum() >= 2
     assert all(layer.name != "views" for layer in picture(yard()).layers)
+
+
+def test_the_way_of_a_craft_is_drawn_as_high_as_it_is_in_the_colours_of_its_clearance() -> None:
+    found = clearance(yard(), np.array([[0.0, -4, 1.0], [2.25, 0, 1.0], [4, 1, 2.0]]), 0.6, 0.4)
+    shown = picture(yard(), fitted=found)
+    ends = shown.vertices["clearance"].position[shown.layers[-1].elements]
+    colours = shown.vertices["clearance"].colour[shown.layers[-1].elements]
+    assert len(ends) == 2 * len(found.verdict)
+    assert {BLOCKED, FITS, NEVER_SEEN} <= set(found.verdict.tolist())
+    place = found.pieces.place
+    np.testing.assert_array_equal(ends[::2], np.stack((place[:-1], place[1:]), axis=1))
+    bars = ends[1::2]
+    assert bars.mean(axis=1) == pytest.approx((place[:-1] + place[1:]) / 2)
+    assert bars[:, 1] - bars[:, 0] == pytest.approx(np.tile([0, 0, 0.4], (len(bars), 1)))
+    for line in (0, 1):
+        for end in (0, 1):
+            np.testing.assert_array_equal(colours[line::2, end], way_colours(found))

@@ -4,7 +4,7 @@ const LABELS = {
   surface: "Surfaces", walls: "Walls", artificial: "Artificial (uncertain)",
   route: "Route on the ground", track: "Route in the air", patches: "Patches as points",
   depths: "Depths as lines", points: "Points of the recording",
-  views: "Where to look next",
+  views: "Where to look next", clearance: "Does the craft fit",
 };
 
 // A number in as few digits as a scale needs.
