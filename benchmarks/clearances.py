@@ -23,6 +23,7 @@ import numpy as np
 from benchmarks.table import lines
 from mlscli.building.build import settled
 from mlscli.building.builder import MapBuilder
+from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.report import Report
@@ -129,7 +130,11 @@ def trials() -> Iterator[Trial]:
 
 def mapped(scene: Scene, noise: Noise, seed: int) -> SurfaceMap:
     """Return the map of a flight, with free space."""
-    keyframes = fly(scene, SPACING, noise, seed=seed, anew=True).keyframes
+    return map_of(fly(scene, SPACING, noise, seed=seed, anew=True).keyframes)
+
+
+def map_of(keyframes: list[Keyframe]) -> SurfaceMap:
+    """Return the map of keyframes, with free space."""
     parameters = Parameters().with_cell_size(CELL).with_free_space()
     builder = MapBuilder(settled(parameters, keyframes, Report()))
     for keyframe in keyframes:
