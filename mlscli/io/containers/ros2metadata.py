@@ -7,13 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, NamedTuple
 
-from mlscli.errors import one_line
+from mlscli.errors import InputError, one_line
+from mlscli.io.files import open_text_input
 from mlscli.io.ros import METADATA_FILE
 
 STORAGE = re.compile(r"\.(?:db3|mcap)(?:\.zstd|\.zst)?$")
 """The end of the name of a file of messages."""
 
-_LARGEST_BYTES = 1 << 26
+# A thousand topics, or ten thousand files, take less.
+_LARGEST_BYTES = 1 << 22
 
 
 class Declared(NamedTuple):
@@ -53,12 +55,15 @@ class Metadata:
 
         path = folder / METADATA_FILE
         try:
-            with path.open(encoding="utf-8", errors="replace") as file:
+            with open_text_input(path) as file:
                 content = yaml.safe_load(file.read(_LARGEST_BYTES))
         except FileNotFoundError:
             notes.append(f"{folder}: has no {METADATA_FILE}; all its .db3 and .mcap files are read")
             return cls()
-        except (OSError, yaml.YAMLError, RecursionError, ValueError) as error:
+        except InputError:
+            raise
+        # PyYAML fails in many ways where a value does not fit its tag.
+        except Exception as error:
             notes.append(
                 f"{path}: cannot be read: {one_line(error)}; all .db3 and .mcap files are read"
             )

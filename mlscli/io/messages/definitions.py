@@ -32,6 +32,20 @@ _SEPARATOR = "=" * 80 + "\n"
 
 _INCLUDE = re.compile(r"^[ \t]*#[ \t]*include[^\n]*$", re.MULTILINE)
 
+# Bounds of a definition, far beyond those of any message in use: characters, lines or fields, and
+# in IDL how deep brackets stand within each other. The parsers of rosbags take the square of the
+# lines, and for each level of brackets several times as long.
+_LONGEST = 1 << 19
+_MOST_LINES = 2000
+_DEEPEST = {"<": 4, "(": 0, "{": 8, "[": 1}
+_CLOSING = {">": "<", ")": "(", "}": "{", "]": "["}
+
+# What IDL says beside types: comments, and annotations, which take longer to parse than all else.
+_COMMENT = r"//[^\n]*|/\*.*?\*/"
+_TEXT = r'"(?:[^"\\\n]|\\.)*"'
+_ANNOTATION = re.compile(rf"({_TEXT}|{_COMMENT})|@\w+\s*\((?:[^()\"]|{_TEXT})*\)", re.DOTALL)
+_NO_TYPES = re.compile(rf"{_TEXT}|{_COMMENT}", re.DOTALL)
+
 # In bytes; the largest fixed part of a message that holds points or poses has some 700.
 _LARGEST_FIXED_PART = 2**16
 
@@ -103,6 +117,10 @@ def smallest_size(type_: str, definitions: Typesdict) -> int:
 
 def _parsed(channel: Channel) -> Typesdict:
     text = channel.schema.decode(errors="replace").replace("\r\n", "\n")
+    is_idl = channel.schema_encoding == "ros2idl"
+    if is_idl and len(text) <= _LONGEST:
+        text = _ANNOTATION.sub(lambda found: found[1] or " ", text)
+    _refuse_endless(text, is_idl=is_idl)
     if channel.schema_encoding in ("ros1msg", "ros2msg"):
         return get_types_from_msg(text, channel.type)
     if channel.schema_encoding != "ros2idl":
@@ -119,3 +137,30 @@ def _parsed(channel: Channel) -> Typesdict:
         if idl.strip():
             types |= get_types_from_idl(idl)
     return types
+
+
+def _refuse_endless(text: str, *, is_idl: bool) -> None:
+    """Refuse a definition that would take a parser more than some seconds.
+
+    Raises
+    ------
+    ValueError
+        Saying what is beyond its bound.
+    """
+    if len(text) > _LONGEST:
+        raise ValueError(f"it has {len(text):,} characters, expected at most {_LONGEST:,}")
+    lines = max(text.count("\n"), text.count(";") if is_idl else 0)
+    if lines > _MOST_LINES:
+        raise ValueError(f"it has {lines:,} lines or fields, expected at most {_MOST_LINES:,}")
+    if not is_idl:
+        return
+    bare = _NO_TYPES.sub("", text)
+    depths = dict.fromkeys(_DEEPEST, 0)
+    for bracket in re.findall(r"[<>(){}\[\]]", bare):
+        opening = _CLOSING.get(bracket, bracket)
+        depths[opening] += 1 if bracket in depths else -1
+        if depths[opening] > _DEEPEST[opening]:
+            most = _DEEPEST[opening] or "none"
+            raise ValueError(
+                f"it has {depths[opening]} open {bracket} at a time, expected at most {most}"
+            )

@@ -49,6 +49,23 @@ def test_a_file_that_cannot_be_read_leaves_the_others(tmp_path: Path) -> None:
     assert "lost: 40 messages" in told
 
 
+@pytest.mark.parametrize(
+    "value",
+    ["!!timestamp foo", '!!int ""', "!!bool foo", "!!float x", '"\\U80000000"', "!!binary ä"],
+)
+def test_metadata_of_values_that_do_not_fit_their_tags_leave_the_files(
+    tmp_path: Path, value: str
+) -> None:
+    messages = flight()
+    folder = split(tmp_path / "bag", messages)
+    (folder / "metadata.yaml").write_text(f"rosbag2_bagfile_information:\n  version: {value}\n")
+    bag = Ros2Bag(folder)
+    assert content(bag) == messages
+    (note,) = bag.notes
+    assert note.startswith(f"{folder / 'metadata.yaml'}: cannot be read: ")
+    assert one_line(note)
+
+
 def forget(folder: Path, count: int = 40) -> None:
     """Leave the last file out of the metadata."""
 

@@ -6,6 +6,7 @@ that is refused there is one much like it that is read.
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import pytest
@@ -97,6 +98,37 @@ def test_definitions_that_double_and_double_are_refused_at_once() -> None:
 
     with pytest.raises(ValueError, match="takes 131072 bytes or more"):
         typestore_of(channel("T0 t\n" + "".join(parts)))
+
+
+def in_idl(rest: str) -> Channel:
+    text = f"module a_msgs {{ module msg {{ {rest} struct A {{ double x; }}; }}; }};"
+    return channel(text, "ros2idl")
+
+
+@pytest.mark.parametrize(
+    ("recorded", "words"),
+    [
+        (channel("int8 x\n" * 60_000), "60,000 lines or fields"),
+        (channel(f"string A='{'a' * 600_000}'"), "600,011 characters"),
+        (in_idl("const long C = ((1));"), "open \\("),
+        (in_idl(f"struct B {{ {'sequence<' * 30}long{'>' * 30} x; }};"), "open <"),
+        (in_idl(f"struct B {{ long x{'[1]' * 3}{'[' * 30}; }};"), "open \\["),
+    ],
+)
+def test_definitions_that_would_take_a_parser_hours_are_refused_at_once(
+    recorded: Channel, words: str
+) -> None:
+    begin = time.process_time()
+    with pytest.raises(ValueError, match=words):
+        typestore_of(recorded)
+    assert time.process_time() - begin < 1
+
+
+def test_annotations_and_comments_in_idl_cost_nothing_and_change_nothing() -> None:
+    said = '@verbatim (language="comment", text="((([" "<<")'
+    rest = f'{said} struct B {{ {said} long x; // (([\n }}; const string C = "((";'
+    store = typestore_of(in_idl(f"/* (((( */ {rest}"))
+    assert [name for name, _ in store.fielddefs["a_msgs/msg/B"][1]] == ["x"]
 
 
 def test_strings_of_wide_characters_are_named() -> None:
