@@ -17,6 +17,7 @@ from typing import Any
 from mlscli.config.draft import Draft, DraftPart
 from mlscli.config.yaml_nodes import LocatedFault, Place, UnreadableYaml
 from mlscli.errors import ConfigError, InputError, expect_items, expect_path, nearest
+from mlscli.io.files import open_input
 from mlscli.parameters.fields import ParameterField, fields_of, write_value
 from mlscli.pipeline.parameters import (
     DEFAULT_PIPELINE,
@@ -100,7 +101,7 @@ def preset_text(name: str) -> str:
 def _file_text(source: str | os.PathLike[str]) -> str:
     path = Path(source)
     try:
-        with path.open("rb") as stream:
+        with open_input(path) as stream:
             data = stream.read(MAX_CONFIG_BYTES + 1)
     except FileNotFoundError:
         bare = path.name == os.fspath(source) and not path.suffix

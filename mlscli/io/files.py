@@ -46,7 +46,9 @@ def open_input(path: str | os.PathLike[str]) -> BinaryIO:
     InputError
         It is a FIFO, a device or a socket: to open or read one may take forever.
     """
-    # Not to wait for the other end of a FIFO.
+    # A socket cannot be opened.
+    expect_file(path)
+    # What has become a FIFO meanwhile does not wait for its other end.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         mode = os.fstat(handle).st_mode

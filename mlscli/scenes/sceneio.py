@@ -26,6 +26,7 @@ from mlscli.config.yaml_nodes import (
     read_yaml,
 )
 from mlscli.errors import ConfigError, InputError, nearest, shorten
+from mlscli.io.files import open_input
 from mlscli.scenes.surfaces import Leg, Rectangle, Scatter, Scene, add_horizontal, add_vertical
 
 MAX_SCENE_BYTES = 50_000_000
@@ -135,7 +136,7 @@ def _text_of(path: str | os.PathLike[str], argument: str) -> str:
     """Return the text of a file that an argument names."""
     source = Path(path)
     try:
-        with source.open("rb") as stream:
+        with open_input(source) as stream:
             data = stream.read(MAX_SCENE_BYTES + 1)
     except FileNotFoundError:
         what = f"`{argument}` takes {_TAKES[argument]} in YAML"

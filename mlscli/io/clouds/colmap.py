@@ -20,7 +20,8 @@ from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.rows import short
-from mlscli.io.clouds.structures import Member, gather, mapped, read_structures
+from mlscli.io.clouds.structures import Member, bytes_of, gather, read_structures
+from mlscli.io.files import open_text_input
 from mlscli.io.source import Cloud, side_by_side
 from mlscli.runtime.arrays import Float64, Int64, UInt8
 from mlscli.words import some
@@ -105,7 +106,7 @@ def _camera(pose: Sequence[float]) -> Camera:
 
 
 def _binary_images(file: Path) -> tuple[list[_Image], list[str]]:
-    data = mapped(file)
+    data = bytes_of(file)
     declared, images, at = _declared(file, data), list[_Image](), _COUNT.size
     while len(images) < declared:
         name_at = at + _IMAGE.size
@@ -122,7 +123,7 @@ def _binary_images(file: Path) -> tuple[list[_Image], list[str]]:
 
 
 def _binary_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, list[str]]:
-    data = mapped(file)
+    data = bytes_of(file)
     declared = _declared(file, data)
     data = data[_COUNT.size :]
     count, (*xyz, tracks), _ = read_structures(data, _POINT, declared, _XYZ_AND_TRACK)
@@ -158,7 +159,7 @@ def _first_images(data: UInt8, tracks: Int64, ranks: dict[int, int]) -> Int64:
 def _text_images(file: Path) -> tuple[list[_Image], list[str]]:
     """Read images: each is a line, and a line of its features, which may be empty."""
     images, tally = list[_Image](), _DeclaredCount(file)
-    with file.open(encoding="utf-8", errors="replace") as lines:
+    with open_text_input(file) as lines:
         for line in lines:
             if tally.passes(line):
                 continue
@@ -179,7 +180,7 @@ def _text_points(file: Path, ranks: dict[int, int]) -> tuple[Float64, Int64, lis
     """Read points, a line each: number, x, y, z, colour, error and track."""
     points, first, tally = list[list[float]](), list[int](), _DeclaredCount(file)
     unknown = len(ranks)
-    with file.open(encoding="utf-8", errors="replace") as lines:
+    with open_text_input(file) as lines:
         for line in lines:
             if tally.passes(line):
                 continue

@@ -27,6 +27,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
+from mlscli.io.files import open_input, open_text_input
+
 BLANKS = " \t"
 SEPARATORS = ",; \t"
 MARKS = "#\"'/%"
@@ -83,9 +85,9 @@ def encoding_of(head: bytes) -> str:
 
 def open_text(path: Path) -> TextIO:
     """Open a text in its encoding; what is no character of it is read as U+FFFD."""
-    with path.open("rb") as file:
+    with open_input(path) as file:
         encoding = encoding_of(file.read(1 << 12))
-    return path.open(encoding=encoding, errors="replace")
+    return open_text_input(path, encoding)
 
 
 class Dialect(NamedTuple):

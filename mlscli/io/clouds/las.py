@@ -27,10 +27,12 @@ from mlscli.io.clouds.laz import (
     readable_points,
 )
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted
-from mlscli.io.clouds.structures import mapped
+from mlscli.io.clouds.structures import bytes_of
+from mlscli.io.files import open_input
 from mlscli.io.plausibility.boxes import within_bounds
 from mlscli.io.plausibility.finding import Finding, right
 from mlscli.io.source import keyframe_field, side_by_side
+from mlscli.io.unpacking import excess, most_unpacked
 from mlscli.runtime.arrays import Array, Bool, Float64, UInt8
 from mlscli.words import are, some
 
@@ -54,21 +56,22 @@ class LasCloud(PointFile):
 
     def _read(self) -> Content:
         header, one_way, notes = self._header()
-        declared, data = header.point_count, mapped(self.path)
+        declared, data = header.point_count, bytes_of(self.path)
         if header.are_points_compressed:
             tried = readable_points(header, data)
+            most = most_unpacked(len(data)) // header.point_format.size
             if not tried and not declared and len(data) > header.offset_to_point_data + _EMPTY_LAZ:
                 raise InputError(
                     f"{self.path}: declares 0 points, though compressed ones follow; how many "
                     "these are cannot be told"
                 )
         else:
-            tried = _whole_records(header, data)
+            tried = most = _whole_records(header, data)
         end = points_end(header, data) if one_way else None
         step = max(1, _CHUNK_BYTES // header.point_format.size)
-        part = self._part(repeat(step), tried, end)
+        part = self._part(repeat(step), min(tried, most), end)
         for smaller in (256, 1) if part.fault else ():
-            nearer = self._part(chain(part.sizes, repeat(smaller)), tried, end)
+            nearer = self._part(chain(part.sizes, repeat(smaller)), min(tried, most), end)
             part = max(part, nearer, key=lambda part: sum(part.sizes))
         points = np.concatenate([np.empty((0, 3)), *part.points])
         columns = [*points.T, np.concatenate(part.kept) if part.kept else np.empty(0, np.bool_)]
@@ -77,7 +80,8 @@ class LasCloud(PointFile):
         if part.fault and header.are_points_compressed:
             sure = len(points) - invented_points(header, data, len(points))
             columns = [column[:sure] for column in columns]
-        columns, more, losses = counted(self.path, columns, declared, part.fault)
+        fault = part.fault or (excess(len(data)) if tried > most else "")
+        columns, more, losses = counted(self.path, columns, declared, fault)
         points, kept = points[: len(columns[0])], columns[3]
         labels = columns[4] if len(columns) > 4 else None
         withheld = len(points) - int(kept.sum())
@@ -116,7 +120,7 @@ class LasCloud(PointFile):
         InputError
             The header is not whole, or contradicts itself.
         """
-        data = mapped(self.path)
+        data = bytes_of(self.path)
         try:
             _, size, begin, records = _HEADER.unpack_from(data.data)
             if len(data) < max(begin, _SHORTEST_HEADER):
@@ -131,7 +135,7 @@ class LasCloud(PointFile):
                     f"{self.path}: its header declares {records:,} variable length records, of "
                     f"which {self._records:,} fit before its points; these begin where it says"
                 )
-            with self.path.open("rb") as file:
+            with open_input(self.path) as file:
                 header = laspy.LasHeader.read_from(_Overlaid(file, self._records))
             if not header.are_points_compressed:
                 return header, True, notes
@@ -156,7 +160,7 @@ class LasCloud(PointFile):
             Offset at which they end, to read without seeking; None: with seeking.
         """
         part = _ChunkedPoints([], [], [], [], "")
-        with self.path.open("rb") as file:
+        with open_input(self.path) as file:
             try:
                 reader = laspy.LasReader(
                     _Overlaid(file, self._records, end),

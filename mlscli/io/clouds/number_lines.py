@@ -20,6 +20,7 @@ from mlscli.io.clouds.dialect import (
 )
 from mlscli.io.clouds.pointfile import shortfall
 from mlscli.io.clouds.rows import LONGEST_ROW, alike, blocks, short
+from mlscli.io.files import open_input
 from mlscli.io.plausibility.counts import more_than
 from mlscli.runtime.arrays import Array, Float64
 from mlscli.words import are, some
@@ -67,7 +68,7 @@ class NumberLines(NamedTuple):
 @contextmanager
 def open_lines(path: Path, begin: int) -> Iterator[LineReader]:
     """Open the rows of a text that follow its first `begin` bytes."""
-    with path.open("rb") as file:
+    with open_input(path) as file:
         file.seek(begin)
         with io.TextIOWrapper(file, "utf-8", "replace") as text:
             yield LineReader(text)

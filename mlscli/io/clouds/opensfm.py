@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
 from mlscli.io.clouds.pointfile import Content, PointFile
+from mlscli.io.files import open_text_input, read_input
 from mlscli.io.source import Cloud
 from mlscli.words import some
 
@@ -59,7 +60,7 @@ class OpenSfmReconstruction(PointFile):
             The file is not whole JSON, or lacks shots or points.
         """
         try:
-            document = json.loads(self.path.read_bytes())
+            document = json.loads(read_input(self.path))
         # A ValueError also where the text is no UTF-8, or a number is too long.
         except (ValueError, RecursionError) as error:
             raise InputError(f"{self.path}: is no whole JSON file: {error}") from error
@@ -101,7 +102,7 @@ class OpenSfmReconstruction(PointFile):
         """Return the lowest rank of the shots that saw each point, by point; and losses."""
         first: dict[str, int] = {}
         broken = 0
-        with tracks.open(encoding="utf-8", errors="replace") as lines:
+        with open_text_input(tracks) as lines:
             for line in lines:
                 shot, _, rest = line.partition("\t")
                 point, _, rest = rest.partition("\t")

@@ -23,7 +23,8 @@ from mlscli.errors import InputError
 from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
 from mlscli.io.clouds.pcdcompressed import Packed, unpack
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
-from mlscli.io.clouds.structures import Member, mapped, read_structures
+from mlscli.io.clouds.structures import Member, bytes_of, read_structures
+from mlscli.io.files import open_input
 from mlscli.io.plausibility.halves import unveiled
 from mlscli.io.source import side_by_side
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
@@ -60,7 +61,7 @@ class PcdCloud(PointFile):
         InputError
             A line that is needed is missing, or a line is wrong.
         """
-        with self.path.open("rb") as file:
+        with open_input(self.path) as file:
             head = file.read(_LONGEST_HEADER)
         entries: dict[str, list[str]] = {}
         at = 0
@@ -170,7 +171,7 @@ class PcdCloud(PointFile):
             Member(field.name, field.dtype if place in wanted else f"V{field.size * field.count}")
             for place, field in enumerate(header.fields)
         ]
-        data = mapped(self.path)[header.size :]
+        data = bytes_of(self.path)[header.size :]
         columns = read_structures(data, fields, None, wanted).columns
         return counted(self.path, columns, header.points)
 
@@ -182,7 +183,7 @@ class PcdCloud(PointFile):
             Packed(field.size * field.count, "<" + field.dtype if place in wanted else "")
             for place, field in enumerate(header.fields)
         ]
-        data = mapped(self.path)[header.size :]
+        data = bytes_of(self.path)[header.size :]
         columns, kept, damage = unpack(self.path, data, fields, wanted, header.points)
         columns, notes, losses = counted(self.path, columns, header.points)
         if damage:

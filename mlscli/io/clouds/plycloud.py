@@ -17,7 +17,8 @@ from typing import NamedTuple
 from mlscli.errors import InputError
 from mlscli.io.clouds.number_lines import ALL, Item, open_lines, put_together
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted, wanted_fields
-from mlscli.io.clouds.structures import Member, mapped, read_structures
+from mlscli.io.clouds.structures import Member, bytes_of, read_structures
+from mlscli.io.files import open_input
 from mlscli.io.plausibility.halves import unveiled
 from mlscli.io.plausibility.readings import likelier, sample
 from mlscli.io.source import side_by_side
@@ -84,7 +85,7 @@ class PlyCloud(PointFile):
         InputError
             The header has no end, or a line of it is not understood.
         """
-        with self.path.open("rb") as file:
+        with open_input(self.path) as file:
             head = file.read(_LONGEST_HEADER)
         # The first line shows how lines end: a binary body may begin with bytes like a line end.
         newline = re.match(rb"ply[ \t]*(\r\n|\r|\n)", head)
@@ -139,7 +140,7 @@ class PlyCloud(PointFile):
 
         Where nothing is declared to follow the vertices, all that follow are returned.
         """
-        data = mapped(self.path)[header.size :]
+        data = bytes_of(self.path)[header.size :]
         place = header.elements.index(vertex)
         for element in header.elements[:place]:
             data = read_structures(data, element.fields, element.count, order=header.order).rest

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.runtime.arrays import Array, Int64, UInt8
+from mlscli.io.files import open_input
+from mlscli.runtime.arrays import Array, Int64, UInt8, frozen
 from mlscli.runtime.kernels import kernel
 
 _BLOCK_RECORDS = 1 << 16
@@ -55,11 +56,13 @@ class Structures(NamedTuple):
     rest: UInt8
 
 
-def mapped(path: Path) -> UInt8:
-    """Return the bytes of a file, uint8 (bytes,), mapped into memory."""
-    if path.stat().st_size == 0:
-        return np.empty(0, dtype=np.uint8)
-    return np.memmap(path, dtype=np.uint8, mode="r")
+def bytes_of(path: Path) -> UInt8:
+    """Return the bytes of a file, uint8 (bytes,).
+
+    They are read, not mapped into memory: a file that is cut meanwhile would end the program.
+    """
+    with open_input(path) as file:
+        return frozen(np.fromfile(file, dtype=np.uint8))
 
 
 def read_structures(

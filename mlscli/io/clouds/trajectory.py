@@ -31,6 +31,7 @@ from mlscli.io.clouds.posecolumns import (
     ordered,
 )
 from mlscli.io.clouds.rows import BrokenRowError, blocks, parse, short
+from mlscli.io.files import open_input
 from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.runtime.arrays import Float64
 from mlscli.words import are, some, verb
@@ -107,7 +108,7 @@ def read_trajectory(path: Path) -> Trajectory:
         size = path.stat().st_size
         if size > _LARGEST_FILE:
             raise InputError(f"{path}: found {size:,} bytes, expected a trajectory of at most 1 GB")
-        with path.open("rb") as file:
+        with open_input(path) as file:
             if is_pose_graph(file.read(1 << 12)):
                 return _of_graph(path)
         opening = read_opening(path)

@@ -8,11 +8,9 @@ from typing import Any, BinaryIO
 
 from mlscli.errors import one_line
 from mlscli.io.containers.losses import DamagedError
+from mlscli.io.unpacking import excess, most_held, most_unpacked
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-
-LARGEST_BYTES = 1 << 32
-"""A chunk or message that claims to be larger than this when decompressed is damaged."""
 
 # Small, as decompression can make a block of zstd 30,000 times as large.
 _PIECE_BYTES = 1 << 14
@@ -43,10 +41,8 @@ def decompress(data: bytes, method: str, size: int) -> bytes:
     """
     if method in ("", "none"):
         return data
-    if size > LARGEST_BYTES:
-        raise DamagedError(
-            f"it claims {size:,} bytes decompressed, expected at most {LARGEST_BYTES:,}"
-        )
+    if size > most_held(len(data)):
+        raise DamagedError(f"it claims {size:,} bytes decompressed: {excess(len(data))}")
     try:
         content = _whole(method)(data, size)
     except (ValueError, OSError, RuntimeError, MemoryError, EOFError, _zstd_error()) as error:
@@ -60,17 +56,19 @@ def decompress(data: bytes, method: str, size: int) -> bytes:
 def decompress_start(data: bytes, method: str, size: int) -> bytes:
     """Decompress the beginning of a chunk whose end is missing, at most `size` bytes.
 
-    The methods are those of `decompress`; of an unknown one nothing is returned.
+    There are no more than a whole chunk may have, see `mlscli.io.unpacking`. The methods are those
+    of `decompress`; of an unknown one nothing is returned.
     """
     if method in ("", "none"):
         return data[:size]
+    size = min(size, most_held(len(data)))
     stream = _stream(method)
     pieces = []
     have = 0
     # In small pieces, so that what comes before a fault is kept.
     for at in range(0, len(data), _SMALL_PIECE):
         try:
-            piece = stream(data[at : at + _SMALL_PIECE])
+            piece = stream(data[at : at + _SMALL_PIECE], size - have)
         except (ValueError, OSError, RuntimeError, MemoryError, EOFError, _zstd_error()):
             break
         pieces.append(piece)
@@ -96,7 +94,7 @@ def plain(data: bytes | memoryview, encoding: str) -> bytes | memoryview | Damag
         return (
             decompress(compressed, "zstd", size)
             if size >= 0
-            else _zstd_in_pieces(compressed, LARGEST_BYTES)
+            else _zstd_in_pieces(compressed, most_held(len(compressed)))
         )
     except (zstandard.ZstdError, MemoryError) as error:
         return DamagedError(f"zstd: {_reason(error)}")
@@ -114,12 +112,16 @@ def decompress_file(source: BinaryIO, target: BinaryIO) -> str:
     """
     import zstandard
 
-    frame = None
+    frame, packed = None, source.seek(0, 2)
+    left = most_unpacked(packed)
+    source.seek(0)
     try:
         while piece := source.read(_PIECE_BYTES):
             while piece:
                 frame = frame or zstandard.ZstdDecompressor().decompressobj()
-                target.write(frame.decompress(piece))
+                left -= target.write(plain := frame.decompress(piece)[:left])
+                if not left and plain:
+                    return excess(packed)
                 piece = frame.unused_data if frame.eof else b""
                 frame = None if frame.eof else frame
     except zstandard.ZstdError as error:
@@ -185,19 +187,22 @@ def _compare(stated: int, declared: int) -> None:
         raise DamagedError(f"it holds {stated:,} bytes decompressed, declared {declared:,}")
 
 
-def _stream(method: str) -> Callable[[bytes], bytes]:
+def _stream(method: str) -> Callable[[bytes, int], bytes]:
+    """Return a function of the next data and of how many bytes are wanted, or a few more."""
     if method == "bz2":
         return bz2.BZ2Decompressor().decompress
     if method == "lz4":
         import lz4.frame
 
         decompress_lz4: Any = lz4.frame.LZ4FrameDecompressor()
-        return lambda data: bytes(decompress_lz4.decompress(data))
+        return lambda data, size: bytes(decompress_lz4.decompress(data, size))
     if method == "zstd":
         import zstandard
 
-        return zstandard.ZstdDecompressor().decompressobj().decompress
-    return lambda _: b""
+        decompress_zstd = zstandard.ZstdDecompressor().decompressobj().decompress
+        # No more than 30,000 bytes for each.
+        return lambda data, _: decompress_zstd(data)
+    return lambda _, __: b""
 
 
 def _zstd_error() -> type[Exception]:

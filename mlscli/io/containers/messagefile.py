@@ -13,6 +13,7 @@ from mlscli.errors import InputError
 from mlscli.io.containers.container import Channel
 from mlscli.io.containers.losses import Losses
 from mlscli.io.containers.streams import in_settled_order, united
+from mlscli.io.files import open_input
 
 
 class MessageFile(ABC):
@@ -80,7 +81,7 @@ class MessageFile(ABC):
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
         try:
-            with self.path.open("rb") as file:
+            with open_input(self.path) as file:
                 yield file
         except OSError as error:
             raise InputError(f"{self.name}: cannot be read: {error.strerror or error}") from error

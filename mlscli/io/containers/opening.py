@@ -8,6 +8,7 @@ from mlscli.errors import InputError
 from mlscli.io.containers import mcapfile, mcaprecords, ros1bag, sqlitefile
 from mlscli.io.containers.compression import ZSTD_MAGIC
 from mlscli.io.containers.container import Container
+from mlscli.io.files import open_input
 
 _OLD_BAGS = (b"#ROSBAG V", b"#ROSRECORD")
 
@@ -28,7 +29,7 @@ def open_container(path: Path) -> Container:
         elif path.exists() and not path.is_file():
             raise InputError(f"{path}: is neither a file nor a folder")
         else:
-            with path.open("rb") as file:
+            with open_input(path) as file:
                 head = file.read(16)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error

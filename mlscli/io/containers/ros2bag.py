@@ -27,6 +27,7 @@ from mlscli.io.containers.mcapfile import McapFile
 from mlscli.io.containers.ros2metadata import STORAGE, Metadata
 from mlscli.io.containers.sqlitefile import SqliteFile
 from mlscli.io.containers.streams import in_settled_order, in_time_order, united
+from mlscli.io.files import open_input
 from mlscli.io.ros import METADATA_FILE
 from mlscli.runtime.temporary import temporary_folder
 from mlscli.words import some
@@ -259,7 +260,7 @@ class _BagFile:
         with temporary_folder(None, "bag") as folder:
             plain = folder / "plain"
             try:
-                with self.path.open("rb") as source, plain.open("wb") as target:
+                with open_input(self.path) as source, plain.open("wb") as target:
                     self.fault = decompress_file(source, target)
             except OSError as error:
                 raise InputError(
@@ -329,7 +330,7 @@ def _number(name: str) -> int:
 
 def _head(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
+        with open_input(path) as file:
             return file.read(16)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error

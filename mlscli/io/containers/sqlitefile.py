@@ -22,11 +22,14 @@ from mlscli.io.containers.losses import DamagedError
 from mlscli.io.containers.messagefile import MessageFile
 from mlscli.io.containers.sqlitepages import Pages
 from mlscli.io.containers.sqlitetables import Database, MessageRows, Salvage, Tables, values
+from mlscli.io.files import open_input
 from mlscli.runtime.temporary import temporary_folder
 
 MAGIC = b"SQLite format 3\0"
 
 _HEADER_SIZE = 100
+# Of the text of a statement, in bytes, in a file however small.
+_LONGEST = 1 << 20
 _LOGS = ("-wal", "-journal")
 
 
@@ -140,7 +143,7 @@ class SqliteFile(MessageFile):
         """
         if self._damaged:
             try:
-                with self.path.open("rb") as file:
+                with open_input(self.path) as file:
                     yield Salvage(Pages(file))
             except (DamagedError, OSError) as error:
                 raise InputError(f"{self.name}: cannot be read: {error}") from error
@@ -154,6 +157,8 @@ class SqliteFile(MessageFile):
                 connection = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)
             except sqlite3.Error as error:
                 raise InputError(f"{self.name}: cannot be opened: {error}") from error
+            # No value is longer than the file; one that SQLite computes would be.
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(path.stat().st_size, _LONGEST))
             try:
                 yield Database(connection)
             finally:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from mlscli.errors import InputError
 from mlscli.io.containers.ros2metadata import STORAGE
+from mlscli.io.files import open_input
 from mlscli.io.ros import METADATA_FILE
 from mlscli.io.source import Reading, Source
 
@@ -287,7 +288,7 @@ def _head(path: Path) -> bytes:
             raise InputError(missing)
         if not path.is_file():
             raise InputError(f"{path}: is neither a file nor a folder")
-        with path.open("rb") as file:
+        with open_input(path) as file:
             return file.read(_HEAD)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error

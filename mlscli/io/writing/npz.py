@@ -25,6 +25,8 @@ from typing import IO, Any
 import numpy as np
 
 from mlscli.errors import InputError, MlsError, expect, expect_path
+from mlscli.io.files import expect_file, open_input
+from mlscli.io.unpacking import excess, most_unpacked
 from mlscli.io.writing.atomic import atomic_write
 from mlscli.maps.columns import COLUMNS
 from mlscli.maps.free_space import FREE_COLUMNS, FreeSpace
@@ -36,8 +38,6 @@ from mlscli.runtime.arrays import Array
 FORMAT, VERSION = "mls-map", 3
 # What earlier versions did not have.
 _ADDED = {1: ("moved", "noise"), 2: ("noise",), VERSION: ()}
-# The largest factor by which deflated data grow; a file that claims more is refused.
-DENSEST = 1032
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 # What reading a member of a damaged, encrypted or oddly compressed archive raises.
@@ -108,7 +108,8 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
     """
     expect_path(path, "path", "a map")
     source = Path(path)
-    with _reading(source), zipfile.ZipFile(source) as archive:
+    expect_file(source)
+    with _reading(source), open_input(source) as file, zipfile.ZipFile(file) as archive:
         members = _Members(archive)
         if (kind := members.text("format")) != FORMAT:
             raise InputError(f"format: is {kind!r}; it must be {FORMAT!r}")
@@ -157,7 +158,7 @@ def _free_space(members: _Members) -> FreeSpace | None:
 def is_map(path: str | os.PathLike[str]) -> bool:
     """Return whether a file is marked as a map; False where it cannot be read."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_input(path) as file, zipfile.ZipFile(file) as archive:
             return _Members(archive).text("format") == FORMAT
     except (*_DAMAGED, OSError, zipfile.BadZipFile, MlsError):
         return False
@@ -187,6 +188,9 @@ class _Members:
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self._archive = archive
+        entries = archive.infolist()
+        self._packed = sum(entry.compress_size for entry in entries)
+        self._unpacked = sum(entry.file_size for entry in entries)
 
     def _header(self, name: str) -> tuple[zipfile.ZipInfo, tuple[int, ...], np.dtype[Any]]:
         try:
@@ -204,7 +208,9 @@ class _Members:
             shape, _, dtype = header
             begin = member.tell()
         size = begin + dtype.itemsize * int(np.prod([int(side) for side in shape], dtype=object))
-        if dtype.hasobject or entry.file_size != size or size > DENSEST * (entry.compress_size + 1):
+        if self._unpacked > most_unpacked(self._packed):
+            raise InputError(excess(self._packed))
+        if dtype.hasobject or entry.file_size != size:
             raise InputError(
                 f"{name}: declares {dtype} {shape} ({size} bytes) and holds "
                 f"{entry.file_size} bytes, {entry.compress_size} in the file"

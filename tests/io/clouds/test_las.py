@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError
+from mlscli.io import unpacking
 from mlscli.io.clouds.las import LasCloud
 from mlscli.runtime.arrays import Float64
 from tests.helpers.damage import cut, flipped, read_damaged
@@ -63,6 +64,21 @@ def test_points_of_any_format_come_bit_for_bit(tmp_path: Path, point_format: int
 
     assert read(tmp_path / "a.las") == ([expected.tolist()], [])
     assert len(expected) == 1000
+
+
+def test_points_that_take_no_bytes_are_read_up_to_a_bound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unpacking, "ALWAYS", 100_000)
+    monkeypatch.setattr(unpacking, "RATIO", 20)
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    las.X, las.Y, las.Z = np.zeros((3, 20_000), dtype=np.int32)
+    path = tmp_path / "a.laz"
+    las.write(path)
+    ((points,), losses) = read(path)
+    most = unpacking.most_unpacked(path.stat().st_size)
+    assert len(points) == most // 30 < 20_000
+    assert unpacking.excess(path.stat().st_size) in losses[0]
 
 
 @pytest.mark.parametrize("point_format", [0, 1, 2, 3, 6, 7, 8])

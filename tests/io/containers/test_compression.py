@@ -14,6 +14,7 @@ import lz4.frame
 import pytest
 import zstandard
 
+from mlscli.io import unpacking
 from mlscli.io.containers.compression import decompress, decompress_file, decompress_start, plain
 from mlscli.io.containers.losses import DamagedError
 from tests.helpers.broken import allocating_less_than
@@ -84,6 +85,32 @@ def test_of_a_cut_chunk_the_beginning_is_read(name: str) -> None:
         # The blocks of bz2 have 900 kB, the others' at most 256 kB.
         assert len(found) >= share * len(data) - 950_000
     assert decompress_start(packed, method, 1000) == data[:1000]
+
+
+@EVERY_METHOD
+def test_what_unpacks_to_gigabytes_is_damaged_whatever_it_claims(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unpacking, "ALWAYS", 1 << 20)
+    method, compress = FRAMES[name]
+    monkeypatch.setattr(unpacking, "RATIO", 20)
+    packed = compress(bytes(20_000_000))
+    most = unpacking.most_held(len(packed))
+    for size in (20_000_000, 1 << 62):
+        # Decompressing takes some memory by itself, and zstd 30,000 bytes for each of a piece.
+        with allocating_less_than(14_000_000):
+            with pytest.raises(DamagedError, match=f"would unpack to more than {most:,}, 20 times"):
+                decompress(packed, method, size)
+            assert len(decompress_start(packed, method, size)) == most
+            assert not name.startswith("zstd") or isinstance(plain(packed, "cdr"), DamagedError)
+
+
+def test_a_file_that_unpacks_to_gigabytes_fills_no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unpacking, "ALWAYS", 1 << 20)
+    target = io.BytesIO()
+    packed = zstandard.compress(bytes(20_000_000))
+    assert decompress_file(io.BytesIO(packed), target) == unpacking.excess(len(packed))
+    assert len(target.getvalue()) == 1 << 20
 
 
 def test_an_unknown_method_is_named() -> None:

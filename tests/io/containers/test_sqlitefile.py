@@ -21,6 +21,7 @@ from tests.helpers.broken import (
     SECOND,
     STRING,
     Sent,
+    allocating_less_than,
     check_every_cut,
     content,
     flight,
@@ -85,6 +86,22 @@ def test_messages_of_no_topic_are_told(tmp_path: Path) -> None:
     file = SqliteFile(path)
     assert len(content(file)) == 60
     assert "60 messages belong to no topic" in file.losses[0]
+
+
+def test_data_that_the_database_computes_takes_no_more_than_its_file(tmp_path: Path) -> None:
+    path = write_early(tmp_path / "bag.db3", [])
+    with sqlite3.connect(path, isolation_level=None) as database:
+        database.executescript(
+            "DROP TABLE messages; CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, "
+            "timestamp INTEGER, data BLOB AS (zeroblob(900000000)));"
+            "INSERT INTO topics VALUES (1, '/a', 'std_msgs/msg/String', 'cdr');"
+            "INSERT INTO messages (topic_id, timestamp) VALUES (1, 5);"
+        )
+    database.close()
+    bag = SqliteFile(path)
+    with allocating_less_than(20_000_000):
+        assert content(bag) == []
+    assert "lost" in bag.losses[0]
 
 
 def whole_in_sqlite(path: Path, messages: Sequence[Sent]) -> Callable[[int], list[Sent]]:

@@ -17,12 +17,14 @@ import numpy as np
 import pytest
 
 from mlscli.errors import InputError, OutputError
+from mlscli.io import unpacking
 from mlscli.io.writing.npz import is_map, read_map, write_map
 from mlscli.maps.columns import COLUMNS
 from mlscli.maps.free_space import FREE_COLUMNS, FreeSpace
 from mlscli.maps.stored_map import StoredMap
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.scratch import Scratch
+from tests.helpers.broken import allocating_less_than
 from tests.helpers.lines import free_space_of
 from tests.helpers.maps import random_map
 
@@ -145,6 +147,17 @@ def test_a_size_that_is_only_claimed_is_refused_before_memory_is_given(written: 
     claim_size(written, "ix", "<f8")
     with pytest.raises(InputError, match="ix: declares"):
         read_map(written)
+
+
+def test_a_map_that_unpacks_to_gigabytes_is_refused_before_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unpacking, "ALWAYS", 1 << 20)
+    path = tmp_path / "bomb.npz"
+    np.savez_compressed(path, format=np.array("mls-map"), ix=np.zeros(9_000_000, dtype=np.uint8))
+    with allocating_less_than(1_000_000), pytest.raises(InputError) as caught:
+        read_map(path)
+    assert "unpack to more than" in str(caught.value)
 
 
 def test_a_map_cut_anywhere_is_refused_in_one_line(written: Path) -> None:
