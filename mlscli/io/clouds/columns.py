@@ -24,6 +24,10 @@ _OTHER_NAMES = {
     "points_0": "x",
     "points_1": "y",
     "points_2": "z",
+    # And those of VeloView.
+    "points_m_xyz:0": "x",
+    "points_m_xyz:1": "y",
+    "points_m_xyz:2": "z",
 }
 _UNIT = re.compile(r"[ \t]*(\[[^\]]*\]|\([^)]*\))")
 # What columns hold that are no x, y, z: a comment of such words names columns.
@@ -103,7 +107,10 @@ def header_columns(names: Sequence[str]) -> dict[str, int] | None:
     names : sequence of str
         As `bare_name` returns them.
     """
-    known = [_OTHER_NAMES.get(name, name) for name in names]
+    # Other names count where no column bears the usual one.
+    known = [
+        name if _OTHER_NAMES.get(name) in names else _OTHER_NAMES.get(name, name) for name in names
+    ]
     if not {*ATTITUDE} <= {*known}:
         # Numbers of another kind have such names, too.
         known = ["-" if name in ATTITUDE else name for name in known]

@@ -154,7 +154,12 @@ def _doubt(path: Path, opening: Opening) -> list[str]:
         return [_doubt_note(path, "first column holds whole numbers only", columns)]
     if whole == [True, True, False, False, False]:
         return [_doubt_note(path, "first two columns hold whole numbers only", "-,-,x,y,z")]
-    if opening.width == 4 and len(steps) >= 2 * _LEAST_ROWS and _are_even(steps):
+    if (
+        opening.width > 3
+        and (opening.width == 4 or moves)
+        and len(steps) >= 2 * _LEAST_ROWS
+        and _are_even(steps)
+    ):
         return [_doubt_note(path, "first column grows as evenly as times do", "t,x,y,z")]
     return []
 

@@ -44,6 +44,8 @@ _ROUNDED = 1e-3
 # Columns of programs that write w first and no header.
 _W_FIRST = (11, 17)
 _ANGLES = ("roll", "pitch", "yaw")
+# As photogrammetry names the angles of its cameras: Pix4D, Metashape, Bentley.
+_OF_CAMERAS = {*POSITION, "omega", "phi", "kappa"}
 _ROTATION = [0, 1, 2, 4, 5, 6, 8, 9, 10]
 _AXIS = re.compile(r"(.*?)[._/: ]*([xyzw])")
 _TURNS = re.compile(r"(.*[._/: ])?(q([._].*)?|.*(quat|orient|rotation|attitude).*)")
@@ -121,11 +123,14 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
     """Return whether rows that are to be points are poses.
 
     Each has a stamp of its own, ascending, and a quaternion of length 1, or a matrix that turns and
-    moves; or they are vertices of a graph of poses. Names are no evidence: points may stand beside
-    the pose from which they were seen.
+    moves; or they are vertices of a graph of poses, or cameras with the angles of photogrammetry.
+    Other names are no evidence: points may stand beside the pose from which they were seen.
     """
     rows, width = opening.rows[:_FIRST_ROWS], opening.width
     if rows and rows[0][0] in (*GRAPH, *_EDGES):
+        return True
+    lines = (*opening.headers, *opening.comments)
+    if any({*names} >= _OF_CAMERAS for line in lines for names in opening.names(line)):
         return True
     named = by_names(opening)
     if named is None:

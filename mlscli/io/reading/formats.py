@@ -17,6 +17,13 @@ from mlscli.io.source import Reading, Source
 _HEAD = 1 << 16
 _PCD = re.compile(rb"(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:# ?\.PCD|VERSION 0?\.|FIELDS )")
 _GRID = re.compile(rb"\s*(?:ncols\s+\d+\s+nrows|nrows\s+\d+\s+ncols)\s+\d+\s", re.IGNORECASE)
+# Comments, libraries and names, and then vertices, with more than these behind them.
+_OBJ = re.compile(
+    rb"(?:[ \t]*(?:#[^\n]*|mtllib[^\n]*|[og]\b[^\n]*)?\r?\n)*"
+    rb"v[ \t]+[-+.0-9][^\0]*\n(?:f|vn|vt)[ \t]"
+)
+# Not a text of rows in brackets.
+_JSON = re.compile(rb"\s*(?:\{|\[(?![^\]\n]*\][ \t]*\r?\n\s*\[))")
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
@@ -264,7 +271,11 @@ FORMATS = (
         "an ESRI grid (gdal_translate -of XYZ makes a text cloud of it)",
         lambda _, head: bool(_GRID.match(head.removeprefix(b"\xef\xbb\xbf"))),
     ),
-    Format("a JSON file", _starting(b"{", b"[")),
+    Format("a mesh (Wavefront OBJ)", lambda _, head: bool(_OBJ.match(head))),
+    Format("a mesh (glTF)", _starting(b"glTF")),
+    Format("an E57 file (PDAL and CloudCompare make a LAS of it)", _starting(b"ASTM-E57")),
+    Format("a BIN of CloudCompare (which saves it as LAS or PLY)", _starting(b"CCB2")),
+    Format("a JSON file", lambda _, head: bool(_JSON.match(head))),
     Format("a gzip archive", _starting(b"\x1f\x8b")),
     Format("a zip archive or numpy's .npz", _starting(b"PK\x03\x04")),
 )

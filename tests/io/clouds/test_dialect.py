@@ -65,6 +65,8 @@ KINDS = {
     "a count and a header": "3\nx;y;z\n" + rows("{0};{1};{2}"),
     "a title and units": "Survey of May\nx,y,z\nm,m,m\n" + rows("{0},{1},{2}"),
     "ParaView": '"Points:0","Points:1","Points:2","i"\n' + rows("{0},{1},{2},4"),
+    "VeloView": '"i","Points_m_XYZ:0","Points_m_XYZ:1","Points_m_XYZ:2"\n' + rows("4,{0},{1},{2}"),
+    "VeloView, with both": "Points_m_XYZ:0,Y,Points_m_XYZ:2,X,Z\n" + rows("9,{1},9,{0},{2}"),
     "comments of MATLAB": "% z, y, x\n" + rows("{2},{1},{0}"),
     "umlauts": "Straße,x,y,z\n" + rows("Köln {n},{0},{1},{2}"),
 }

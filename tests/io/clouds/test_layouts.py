@@ -202,12 +202,34 @@ def test_the_beginning_of_a_text_is_taken_apart(tmp_path: Path) -> None:
             "first two columns hold whole",
         ),
         ("".join(f"{n / 10} 1.5 {n % 3}.25 0.5\n" for n in range(12)), "grows as evenly as times"),
+        (
+            "".join(f"{n / 10} {n % 2}.5 {n % 3}.25 {n / 7} 0 0.1\n" for n in range(12)),
+            "grows as evenly as times",
+        ),
     ],
 )
 def test_a_column_that_hardly_is_x_is_told(tmp_path: Path, content: str, words: str) -> None:
     assert any(words in note for note in TextCloud(text(tmp_path, content)).notes)
     assert not any(words in note for note in TextCloud(text(tmp_path, content), "x,y,z").notes)
     assert not any(words in note for note in TextCloud(text(tmp_path, GRID)).notes)
+
+
+def test_a_raster_with_colours_is_no_flight_in_time(tmp_path: Path) -> None:
+    content = "".join(f"{n / 2} 7.5 {n % 3}.25 10 20 30\n" for n in range(12))
+
+    assert not any("as times" in note for note in TextCloud(text(tmp_path, content)).notes)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "imageName X Y Z Omega Phi Kappa\nDJI_1.JPG 1.5 2 3 0.1 0.2 88\nDJI_2.JPG 2 2 3 0 0 88\n",
+        "# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11\na.jpg\t1\t2\t3\t0\t0\t88\t1\n",
+    ],
+)
+def test_cameras_of_photogrammetry_are_no_points(tmp_path: Path, content: str) -> None:
+    with pytest.raises(InputError, match="holds no cloud but a trajectory"):
+        read(tmp_path, content)
 
 
 def test_what_stands_below_a_header_and_is_no_row_is_named(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ note, and other files of these names are refused.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,38 @@ def test_a_grid_of_heights_is_named(tmp_path: Path) -> None:
 
     with pytest.raises(InputError, match=r"is an ESRI grid \(gdal_translate -of XYZ makes"):
         open_source(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [
+        (
+            b"# app\nmtllib a.mtl\no scan\nv 1 2 3\nv 1 2 4\nvn 0 0 1\nf 1 2 1\n",
+            "a mesh (Wavefront",
+        ),
+        (b"v 1 2 3\r\nv 1 2 4\r\nf 1 2 1\r\n", "a mesh (Wavefront OBJ)"),
+        (b"glTF\2\0\0\0", "a mesh (glTF)"),
+        (b"ASTM-E57\1\0\0\0", "an E57 file (PDAL"),
+        (b"CCB2\0\0", "a BIN of CloudCompare"),
+        (b'[{"a": 1}]', "a JSON file"),
+        (b"[[1, 2],\n[3, 4]]", "a JSON file"),
+    ],
+)
+def test_what_is_no_cloud_is_called_by_its_name(tmp_path: Path, content: bytes, name: str) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(content)
+
+    with pytest.raises(InputError, match=f"is {re.escape(name)}"):
+        open_source(path)
+
+
+@pytest.mark.parametrize("content", ["v 1 2 3\nv 4 5 6\n", "[1, 2, 3]\n[4, 5, 6]\n"])
+def test_rows_with_marks_are_a_text_all_the_same(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(content)
+
+    with pytest.raises(InputError, match=r"found '(v|\[1)' as x, expected a number"):
+        list(open_source(path).clouds())
 
 
 @pytest.mark.parametrize("below", ["", "sparse", "sparse/0"])
