@@ -14,7 +14,7 @@ from mlscli.maps.patches import runs
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.queries.flown import with_flown
 from mlscli.queries.looked import look
-from mlscli.queries.obstacles import CORE, GUESSED, OUTER, Craft, Obstacles, meet
+from mlscli.queries.obstacles import CORE, GUESSED, OUTER, Craft, Held, Met, Obstacles, meet
 from mlscli.queries.pieces import Pieces, pieces_of
 from mlscli.queries.voxels import Voxels
 from mlscli.runtime.arrays import Float32, Float64, Int64, UInt8
@@ -205,17 +205,17 @@ def along(
         math.floor((place[:, 0].min() - beside) / side),
         math.floor((place[:, 0].max() + beside) / side),
     )
-    obstacles = Obstacles.of(surface, *ends)
-    space = Voxels.of(surface.free, *ends)
+    obstacles, space = Obstacles.of(surface, *ends), Voxels.of(surface.free, *ends)
+    held = Held(craft, side, obstacles, space, least)
     count = len(place) - 1
     met, distance = np.zeros(count, dtype=np.uint8), np.empty(count)
     nearest, seen = np.empty(count, dtype=np.int64), np.full(count, np.nan, dtype=np.float32)
     blank = np.ones(count, dtype=np.bool_)
 
     def work(begin: int, end: int) -> None:
-        meet(begin, end, place, craft, reach, side, obstacles, space, least, met, distance, nearest)
+        meet(begin, end, place, held, reach, Met(met, distance, nearest))
         if surface.free is not None:
-            look(begin, end, place, craft, side, obstacles, space, least, seen, blank)
+            look(begin, end, place, held, seen, blank)
 
     in_ranges(count, work, weight=16.0)
     verdict = np.where(blank | (met == GUESSED), NEVER_SEEN, FITS).astype(np.uint8)

@@ -27,7 +27,7 @@ import numpy as np
 
 from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, cell_of, key_of
 from mlscli.maps.surface_map import MEASURED
-from mlscli.queries.obstacles import Craft, Obstacles
+from mlscli.queries.obstacles import Held, Obstacles
 from mlscli.queries.planes import to_square
 from mlscli.queries.voxels import Voxels, first_from
 from mlscli.runtime.arrays import Bool, Float32, Float64, UInt64
@@ -44,31 +44,19 @@ _AROUND = 3
 
 
 @kernel
-def look(
-    begin: int,
-    end: int,
-    place: Float64,
-    craft: Craft,
-    side: float,
-    obstacles: Obstacles,
-    space: Voxels,
-    least: int,
-    share: Float32,
-    blank: Bool,
-) -> None:
+def look(begin: int, end: int, place: Float64, held: Held, share: Float32, blank: Bool) -> None:
     """Find out whether the space of a craft along pieces ``begin:end`` was seen.
 
     Parameters
     ----------
-    begin, end, place, craft, side, obstacles, space
+    begin, end, place, held
         As for `mlscli.queries.obstacles.meet`.
-    least : int
-        So many lines make a voxel open.
     share : float32 (N,)
         Is given the share of the voxels that are open.
     blank : bool (N,)
         Is given whether the space is never seen.
     """
+    craft, side, space, least = held.craft, held.side, held.space, held.least
     for n in range(begin, end):
         ax, ay, az = place[n, 0], place[n, 1], place[n, 2]
         bx, by, bz = place[n + 1, 0], place[n + 1, 1], place[n + 1, 2]
@@ -77,13 +65,13 @@ def look(
         rows = math.floor((max(ax, bx) + craft.radius) / side) + _AROUND - first_x + 1
         columns = math.floor((max(ay, by) + craft.radius) / side) + _AROUND - first_y + 1
         inside = np.zeros((rows, columns), dtype=np.bool_)
-        held = 0
+        reached = 0
         for i in range(_AROUND, rows - _AROUND):
             for j in range(_AROUND, columns - _AROUND):
                 x, y = (first_x + i) * side, (first_y + j) * side
                 gap = to_square(ax, ay, bx, by, x, y, side) - craft.radius
                 inside[i, j] = gap < -craft.rounding
-                held += inside[i, j]
+                reached += inside[i, j]
         lowest = math.floor((min(az, bz) - craft.half + craft.rounding) / (side / 2))
         highest = math.ceil((max(az, bz) + craft.half - craft.rounding) / (side / 2)) - 1
         highest = max(lowest, highest)
@@ -95,14 +83,14 @@ def look(
             patches = np.zeros((rows, columns), dtype=np.uint64)
             bottom = core - _MARGIN
             _mark_open(open_, first_x, first_y, bottom, last + _MARGIN, space, least)
-            _mark_patches(patches, first_x, first_y, bottom, side / 2, obstacles)
+            _mark_patches(patches, first_x, first_y, bottom, side / 2, held.obstacles)
             blank[n] |= _is_blank(open_, patches, inside, last - core)
             of_craft = _from_to(_MARGIN, _MARGIN + last - core)
             for i in range(rows):
                 for j in range(columns):
                     if inside[i, j]:
                         opened += _ones(open_[i, j] & of_craft)
-        voxels = held * (highest - lowest + 1)
+        voxels = reached * (highest - lowest + 1)
         share[n] = opened / max(voxels, 1)
         blank[n] |= opened < SHARE * voxels or voxels == 0
 

@@ -124,21 +124,48 @@ class Craft(NamedTuple):
     rounding: float
 
 
+class Held(NamedTuple):
+    """What a craft is held against on its way.
+
+    Attributes
+    ----------
+    craft : Craft
+    side : float
+        Side of a cell.
+    obstacles : Obstacles
+    space : Voxels
+    least : int
+        So many lines through a voxel show that it is free.
+    """
+
+    craft: Craft
+    side: float
+    obstacles: Obstacles
+    space: Voxels
+    least: int
+
+
+class Met(NamedTuple):
+    """What a craft meets on the pieces of its way.
+
+    Attributes
+    ----------
+    met : uint8 (N,)
+        What it meets at most: `NOTHING`, `GUESSED`, `OUTER` or `CORE`.
+    distance : float64 (N,)
+        How far it stays from outer obstacles, below 0 where it meets one: how far it would have to
+        move to the side, or up or down; infinite where there is none in reach.
+    nearest : int64 (N,)
+        The number of that patch in the map; -1: none.
+    """
+
+    met: UInt8
+    distance: Float64
+    nearest: Int64
+
+
 @kernel
-def meet(
-    begin: int,
-    end: int,
-    place: Float64,
-    craft: Craft,
-    reach: float,
-    side: float,
-    obstacles: Obstacles,
-    space: Voxels,
-    least: int,
-    met: UInt8,
-    distance: Float64,
-    nearest: Int64,
-) -> None:
+def meet(begin: int, end: int, place: Float64, held: Held, reach: float, found: Met) -> None:
     """Find out what a craft meets along pieces ``begin:end``, and what it comes nearest to.
 
     Parameters
@@ -146,64 +173,40 @@ def meet(
     begin, end : int
     place : float64 (N + 1, 3)
         Ends of the pieces.
-    craft : Craft
+    held : Held
     reach : float
         How far beside the craft obstacles are looked for.
-    side : float
-        Side of a cell.
-    obstacles : Obstacles
-    space : Voxels
-    least : int
-        So many lines through a voxel show that no artificial patch is there.
-    met : uint8 (N,)
-        Is given what the craft meets at most: `NOTHING`, `GUESSED`, `OUTER` or `CORE`.
-    distance : float64 (N,)
-        Is given how far the craft stays from outer obstacles, below 0 where it meets one: how far
-        it would have to move to the side, or up or down; infinite where there is none in reach.
-    nearest : int64 (N,)
-        Is given the number of that patch in the map; -1: none.
+    found : Met
+        Is given what is found.
     """
+    distance, nearest = found.distance, found.nearest
     for n in range(begin, end):
-        distance[n], nearest[n], met[n] = np.inf, -1, NOTHING
+        distance[n], nearest[n], found.met[n] = np.inf, -1, NOTHING
         # What the craft's own cells hold mostly shows that farther ones need no look.
-        _search(n, place, craft, 0.0, reach, side, obstacles, space, least, met, distance, nearest)
+        _search(n, place, held, 0.0, reach, found)
         around = min(reach, max(distance[n], 0.0))
         if around > 0.0:
-            _search(
-                n, place, craft, around, reach, side, obstacles, space, least,
-                met, distance, nearest,
-            )  # fmt: skip
+            _search(n, place, held, around, reach, found)
         if distance[n] > reach:
             distance[n], nearest[n] = np.inf, -1
 
 
 @inner
-def _search(
-    n: int,
-    place: Float64,
-    craft: Craft,
-    reach: float,
-    farthest: float,
-    side: float,
-    obstacles: Obstacles,
-    space: Voxels,
-    least: int,
-    met: UInt8,
-    distance: Float64,
-    nearest: Int64,
-) -> None:
+def _search(n: int, place: Float64, held: Held, reach: float, farthest: float, found: Met) -> None:
     """Hold a piece against the patches in the cells up to `reach` beside the craft.
 
     Parameters
     ----------
     n : int
         The piece.
-    place, craft, side, obstacles, space, least, met, distance, nearest
+    place, held, found
         As for `meet`.
     reach, farthest : float
         How far beside the craft cells are looked at, 0: only those that it reaches into, which
         otherwise are left out; and how far obstacles count.
     """
+    craft, side, obstacles = held.craft, held.side, held.obstacles
+    met, distance, nearest = found.met, found.distance, found.nearest
     ax, ay, az = place[n, 0], place[n, 1], place[n, 2]
     bx, by, bz = place[n + 1, 0], place[n + 1, 1], place[n + 1, 2]
     low, high = min(az, bz) - craft.half, max(az, bz) + craft.half
@@ -234,7 +237,7 @@ def _search(
                 if far >= distance[n] and not meets:
                     continue
                 what = OUTER
-                through = _seen_through(patch, ix, iy, low, high, side, obstacles, space, least)
+                through = _seen_through(patch, ix, iy, low, high, held)
                 if obstacles.origin[patch] == ARTIFICIAL:
                     what = GUESSED
                     if through:
@@ -242,7 +245,7 @@ def _search(
                 elif (
                     meets
                     and not through
-                    and _meets_core(place[n], place[n + 1], craft, side, ix, iy, patch, obstacles)
+                    and _meets_core(place[n], place[n + 1], ix, iy, patch, held)
                 ):
                     what = CORE
                 if meets:
@@ -253,17 +256,7 @@ def _search(
 
 
 @inner
-def _seen_through(
-    patch: int,
-    ix: int,
-    iy: int,
-    low: float,
-    high: float,
-    side: float,
-    obstacles: Obstacles,
-    space: Voxels,
-    least: int,
-) -> bool:
+def _seen_through(patch: int, ix: int, iy: int, low: float, high: float, held: Held) -> bool:
     """Return whether lines passed through all voxels of a patch.
 
     Parameters
@@ -273,27 +266,18 @@ def _seen_through(
         Its cell.
     low, high : float
         Where they overlap with these heights, only its voxels between them count.
-    side, obstacles, space, least
-        As for `meet`.
+    held : Held
     """
+    obstacles, half = held.obstacles, held.side / 2
     bottom, top = obstacles.low[patch], obstacles.high[patch]
     if bottom < high and top > low:
         bottom, top = max(bottom, low), min(top, high)
-    first = math.floor(bottom / (side / 2)) - obstacles.level[patch]
-    return all_seen(space, ix, iy, first, math.floor(top / (side / 2)), least)
+    first = math.floor(bottom / half) - obstacles.level[patch]
+    return all_seen(held.space, ix, iy, first, math.floor(top / half), held.least)
 
 
 @inner
-def _meets_core(
-    a: Float64,
-    b: Float64,
-    craft: Craft,
-    side: float,
-    ix: int,
-    iy: int,
-    patch: int,
-    obstacles: Obstacles,
-) -> bool:
+def _meets_core(a: Float64, b: Float64, ix: int, iy: int, patch: int, held: Held) -> bool:
     """Return whether a craft meets the core of a patch on its way from a to b.
 
     One that is thinner than a cell would pass between the middles of the cells of a wall: it counts
@@ -302,12 +286,12 @@ def _meets_core(
     Parameters
     ----------
     a, b : float64 (3,)
-    craft, side, obstacles
-        As for `meet`.
     ix, iy : int
         The cell of the patch.
     patch : int
+    held : Held
     """
+    craft, side, obstacles = held.craft, held.side, held.obstacles
     radius = max(craft.radius - craft.rounding, side / 2 + craft.rounding)
     begin, end = within(a[0], a[1], b[0], b[1], (ix + 0.5) * side, (iy + 0.5) * side, radius)
     lowest = obstacles.core_low[patch] - craft.half
