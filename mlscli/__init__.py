@@ -12,6 +12,7 @@ from mlscli.errors import MlsError
 from mlscli.version import __version__
 
 if TYPE_CHECKING:
+    from mlscli.aligning.fit import align_maps
     from mlscli.building.build import build_map
     from mlscli.building.builder import MapBuilder
     from mlscli.building.sizes import fit_sizes
@@ -47,6 +48,7 @@ __all__ = [
     "Parameters",
     "SurfaceMap",
     "__version__",
+    "align_maps",
     "build_map",
     "build_mesh",
     "clearance",
@@ -81,6 +83,7 @@ _HOMES = {
     "MapBuilder": ("mlscli.building.builder", "MapBuilder"),
     "Parameters": ("mlscli.pipeline.parameters", "Parameters"),
     "SurfaceMap": ("mlscli.maps.surface_map", "SurfaceMap"),
+    "align_maps": ("mlscli.aligning.fit", "align_maps"),
     "build_map": ("mlscli.building.build", "build_map"),
     "fit_sizes": ("mlscli.building.sizes", "fit_sizes"),
     "load_parameters": ("mlscli.config", "load"),

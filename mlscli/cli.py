@@ -36,6 +36,7 @@ COMMANDS = {
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
     "query": ("mlscli.commands.query", "Say what a map holds at places."),
     "merge": ("mlscli.commands.merge", "Merge maps of several flights."),
+    "align": ("mlscli.commands.align", "Find how a map lies in the frame of another."),
     "clearance": ("mlscli.commands.clearance", "Say whether a craft fits along a way."),
     "explore": ("mlscli.commands.explore", "Say where to fly next, and what a look would settle."),
     "compare": ("mlscli.commands.compare", "Compare maps, or a map with the truth or a scan."),

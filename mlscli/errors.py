@@ -59,8 +59,8 @@ _ARGUMENTS = (
     *("holes", "jobs", "latest", "legs", "level", "max_slope", "memory", "outliers"),
     *("overwrite", "pose_gap", "pose_topic", "range", "reference", "route", "route_height"),
     *("salt_pepper", "scene", "scheduler", "scratch", "section", "seed", "seeds", "sigma"),
-    *("size", "sizes", "slope", "start", "step", "survey", "time_source", "topic", "up"),
-    "within",
+    *("scale", "size", "sizes", "slope", "start", "step", "survey", "time_source", "topic"),
+    *("transform", "up", "within"),
 )
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}
 OPTIONS |= {"kind": "--format", "sets": "--set", "type_": "--type"}

@@ -27,7 +27,7 @@ FLOORS = (
     ("keyframes", "maps"),
     ("geometry", "io", "io.plausibility", "mesh", "pipeline.stages", "queries", "rasters"),
     ("io.clouds", "io.containers", "io.writing", "pipeline"),
-    ("config", "io.messages", "pipeline.tilewise", "scoring", "view"),
+    ("aligning", "config", "io.messages", "pipeline.tilewise", "scoring", "view"),
     ("io.reading", "plot", "scenes"),
     ("building",),
     ("trials",),

@@ -217,6 +217,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     ),
     "space_at": (mlscli.space_at, {"surface": SURFACE, "xyz": SCAN}),
     "height_at": (mlscli.height_at, {"surface": SURFACE, "xy": SCAN[:, :2]}),
+    "align_maps": (mlscli.align_maps, {"one": SURFACE, "other": SURFACE}),
     "merge_maps": (mlscli.merge_maps, {"one": SURFACE, "other": SURFACE}),
     "compare_maps": (compare_maps, {"a": SURFACE, "b": SURFACE}),
     "score": (score, {"surface": SURFACE, "truth": SURFACE}),

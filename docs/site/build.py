@@ -41,6 +41,7 @@ CHAPTERS = {
         "docs/layers",
         "docs/gazebo",
         "docs/scenes",
+        "docs/flights",
         "docs/scoring",
         "docs/commands",
     ),

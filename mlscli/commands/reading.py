@@ -141,6 +141,12 @@ def reading(command: Command) -> Command:
             metavar="FILE",
             help="Trajectory of the craft, lines of: stamp x y z qx qy qz qw (TUM).",
         ),
+        click.option(
+            "--transform",
+            metavar="FILE",
+            help="Bring points and positions, once z points up, onto a map of another frame: the "
+            "JSON file that mls align wrote.",
+        ),
     )
     for option in reversed(options):
         command = option(command)

@@ -86,6 +86,20 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     )
 
 
+def linked_alone(surface: SurfaceMap) -> SurfaceMap:
+    """Return a map whose measured patches that come within `gap_size` of each other became one.
+
+    Parameters
+    ----------
+    surface : SurfaceMap
+        Of measured patches alone, in the file's order. They may overlap.
+    """
+    records = records_of(surface)
+    linked, _, _ = _linked(records, records[:0], surface.gap_size, surface.thickness)
+    joined = replace(surface, **columns_of(linked))
+    return joined.with_columns(moved=joined.beyond_points().astype(np.uint8))
+
+
 def merge_all(surfaces: Sequence[SurfaceMap]) -> SurfaceMap:
     """Merge maps one after the other, see `merge_maps`.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral
 from pathlib import Path
@@ -28,6 +28,7 @@ from mlscli.io.reading.selected import last_message, selected
 from mlscli.io.reading.selection import Selection
 from mlscli.io.reading.sieve import Sieve
 from mlscli.io.reading.tally import REPEATED, Tally
+from mlscli.io.reading.transform import read_transform
 from mlscli.io.reading.upright import Upright
 from mlscli.io.reading.witness import DOUBTING, FINDING, Witness
 from mlscli.io.source import Clock, Cloud, Reading, Source
@@ -83,7 +84,8 @@ class Recording:
     @property
     def frame_id(self) -> str:
         """The map frame; "map" where no source names one."""
-        return self._placing.frame_id
+        then = self._upright.then
+        return self._placing.frame_id if then is None else then.frame_id
 
     @property
     def up(self) -> str:
@@ -92,8 +94,12 @@ class Recording:
 
     @property
     def map_from_recording(self) -> Float64:
-        """The turn after which z points up, float64 (4, 4), for homogeneous coordinates."""
-        return self._upright.matrix
+        """The turn after which z points up, float64 (4, 4), for homogeneous coordinates.
+
+        With a `transform`, the turn of the recording onto whose map that leads.
+        """
+        then = self._upright.then
+        return self._upright.matrix if then is None else then.turn
 
     @property
     def sources(self) -> list[str]:
@@ -306,6 +312,7 @@ def open_recording(
     time_source: Clock = "header",
     pose_gap: float | None = None,
     route: str | os.PathLike[str] | None = None,
+    transform: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     glance: Glance | None = None,
 ) -> Recording:
     """Open one or more sources as one recording.
@@ -343,6 +350,9 @@ def open_recording(
         default 10 s, or three times their median spacing where that is more.
     route : path, optional
         A file with the trajectory of the craft: lines of ``stamp x y z qx qy qz qw``.
+    transform : path or mapping, optional
+        How to come onto a map of another frame, once z points up: the JSON file that ``mls align``
+        writes, or what it holds. The frame of that map is then the map frame.
     glance : Glance, optional
         The limits up to which to read, where the beginning of the recording is enough.
 
@@ -394,6 +404,7 @@ def open_recording(
     check_applies("columns", columns, is_text, "a text cloud")
     if latest:
         check_latest(opened, cumulative=cumulative)
+    moved = None if transform is None else read_transform(transform)
     trajectory = None if route is None else read_trajectory(Path(route))
     mounting = Mounting.of(extrinsic)
     placing = Placing.of(opened, Asked(frame, pose_topic, mounting, trajectory, pose_gap))
@@ -413,6 +424,7 @@ def open_recording(
         "time_source": time_source if time_source != "header" else None,
         "pose_gap": pose_gap,
         "route": None if route is None else os.fspath(route),
+        "transform": None if moved is None else moved.to_dict(),
     }
     options = {name: value for name, value in given.items() if value is not None}
     notes = list(trajectory.notes) if trajectory else []
@@ -425,6 +437,8 @@ def open_recording(
         found, order_note = _find_up(recording)
         recording._upright, recording._objection = Upright.found(found), ""
         notes += [order_note, found.summary] if order_note else [found.summary]
+    if moved is not None:
+        recording._upright = recording._upright.before(moved)
     return recording
 
 

@@ -1,14 +1,15 @@
-"""Turn points as recorded so that z points up."""
+"""Turn points as recorded so that z points up, and then onto another map, if asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlscli.geometry.poses import turn
 from mlscli.geometry.up import UP_AXES, Up, axes_matrix, axis_named, describe, nearest_axis
+from mlscli.io.reading.transform import Transform
 from mlscli.runtime.arrays import Float64
 
 
@@ -22,11 +23,14 @@ class Upright:
         Which direction of the recording points up: an axis, or the direction that was found.
     matrix : float64 (4, 4)
         The turn, for homogeneous coordinates: T_map_recording.
+    then : Transform or None
+        What follows it.
     """
 
     up: str
     matrix: Float64
     _turn: Callable[[Float64], Float64]
+    then: Transform | None = None
 
     @classmethod
     def along(cls, up: str) -> Upright:
@@ -54,9 +58,22 @@ class Upright:
         matrix = _with_shift(up.matrix, target - up.matrix @ middle)
         return cls(name, matrix, lambda points: turn(up.matrix, points - middle) + target)
 
+    def before(self, then: Transform) -> Upright:
+        """Return the same with something to follow.
+
+        Raises
+        ------
+        UsageError
+            Where that is for another turn.
+        """
+        then.require_turn(self.matrix)
+        return replace(self, then=then)
+
     def points(self, points: Float64) -> Float64:
         """Return points (N, 3) turned, without negative zeros; `points` may be overwritten."""
         turned = self._turn(points)
+        if self.then is not None:
+            turned = self.then.fit.points(turned)
         # In place, if possible, it takes half as long; the source does not mind 0.0 for -0.0.
         # Signalling NaNs are no reason to warn.
         with np.errstate(invalid="ignore"):
@@ -69,6 +86,8 @@ class Upright:
 
     def recorded(self, points: Float64) -> Float64:
         """Return turned points (N, 3) as they were recorded."""
+        if self.then is not None:
+            points = self.then.fit.inverse.points(points)
         return turn(self.matrix[:3, :3].T, points - self.matrix[:3, 3])
 
 

@@ -1,0 +1,1 @@
+"""Maps of one place in different frames: how the one lies in the frame of the other."""
