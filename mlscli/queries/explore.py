@@ -36,6 +36,8 @@ from mlscli.runtime.arrays import Bool, Float64, Int64
 _AROUND, _UP, _FAR = 8, (0.0, 35.0, 65.0), (0.15, 0.3, 0.5)
 # Views are tried for so many regions, the largest ones, and held against so many cells near each.
 MOST_REGIONS, _MOST_CELLS = 200, 512
+# From the safe height down to a view the craft may pass so many cells.
+MOST_CELLS_DOWN = 100_000
 # A view must settle so many cells.
 _LEAST_GAIN = 4
 # How much one counts by its way, see `WAYS`.
@@ -78,6 +80,14 @@ def explore(
         raise UsageError(f"`most` {most}: expected 1 or more")
     camera = (camera or Camera()).settled(surface)
     surface = with_flown(surface)
+    if surface.size:
+        low, high = float(surface.low_end.min()), float(surface.height.max())
+        if high - low > MOST_CELLS_DOWN * surface.cell_size:
+            cells = (high - low) / surface.cell_size
+            raise UsageError(
+                f"the map reaches from z {low:g} to {high:g}, {cells:.3g} cells; views are "
+                f"sought in at most {MOST_CELLS_DOWN:,}: leave out what is stray, by `crop`"
+            )
     found = uncertain(surface, camera.reach / 2, least)
     search = _Search(surface, found, camera, (width, height), least)
     views = tuple(search.views(most))

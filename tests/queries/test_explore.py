@@ -216,3 +216,9 @@ def test_other_cameras_are_refused(camera: Camera, fault: str) -> None:
     with pytest.raises(UsageError) as refused:
         explore(yard(), 0.5, 0.5, camera)
     assert str(refused.value) == fault
+
+
+def test_a_map_with_a_stray_level_far_above_is_refused() -> None:
+    stray = map_of([Patch(0, 0, 1e6, 0.0, 0, 1), *(Patch(ix, 0, 0, 0, 2, 0) for ix in range(9))])
+    with pytest.raises(UsageError, match=r"^the map reaches from z 0 to 1e\+06, 2e\+06 cells; "):
+        explore(stray, 0.5, 0.5, Camera(range=5.0))
