@@ -43,12 +43,19 @@ def median(
         around = neighbours(i, z)
         speak = [other for other in around if abs(other - z) <= level]
         if len(speak) < max(min_nb, min_share * len(around)):
-            layers = Counter(
-                min(max(round((oz - z) / (2 * level)), -31), 31)
-                for ox, oy, oz in rows
-                if (ox - x) * (ox - x) + (oy - y) * (oy - y) <= nb_radius * nb_radius
+            if not layer_share:
+                continue
+            layers, close = (
+                Counter(
+                    min(max(round((oz - z) / (2 * level)), -31), 31)
+                    for ox, oy, oz in rows
+                    if (squared := (ox - x) * (ox - x) + (oy - y) * (oy - y)) <= far * far
+                    and squared <= nb_radius * nb_radius
+                )
+                for far in (nb_radius, level / 2)
             )
-            if not layer_share or layers[0] * len(layers) < layer_share * layers.total():
+            thin = [each[0] * len(each) < layer_share * each.total() for each in (layers, close)]
+            if thin[0] and (thin[1] or close[0] < 3):
                 continue
         heights = sorted([z, *neighbours(i, z)])
         middle = heights[len(heights) // 2]

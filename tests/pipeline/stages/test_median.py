@@ -102,6 +102,21 @@ def test_a_mast_over_a_floor_stays_as_all_its_layers_are_thin() -> None:
     assert Median(1.0, 24, 9, 0, 0.3, 0.3, 2.0).apply(points, 0.35).xyz[:, 2].max() < 0.5
 
 
+@pytest.mark.parametrize("sideways", [0.0, 0.04])
+def test_a_short_pole_over_a_floor_that_was_seen_well_stays_to_its_end(sideways: float) -> None:
+    rng = np.random.default_rng(14)
+    floor = np.c_[rng.uniform(0, 5, (2500, 2)), rng.normal(0, 0.03, 2500)]
+    pole = np.c_[rng.normal(3.8, sideways, (40, 2)), np.arange(0.05, 2.01, 0.05)]
+    over = np.c_[rng.uniform(0.5, 2.5, (9, 2)), rng.uniform(0.8, 3, 9)]
+    xyz = np.concatenate((floor, pole, over))
+    stage = Median(0.9, 24, 4, 0.225, 0.225, 0.4, 2.0, 0.3)
+    kept = stage.apply(Points.of(xyz, np.zeros(len(xyz), dtype=np.int32)), 0.3).xyz
+    of_pole = np.isin(kept[:, 0], pole[:, 0]) & (kept[:, 2] > 0.3)
+    assert of_pole.sum() >= 33
+    assert kept[of_pole, 2].max() == pole[-1, 2]
+    assert kept[~of_pole, 2].max() < 0.32
+
+
 def test_heights_are_compared_along_the_slope_as_the_rule_says() -> None:
     rng = np.random.default_rng(9)
     upright = sloping = unsure = 0
