@@ -135,7 +135,7 @@ class DepthNoise:
             # Points of one depth, whatever their order.
             order = np.lexsort((*points.T, depth))
         order = order[depth[order] > 0.0]
-        self._keep(np.column_stack((points[order], sights[order])))
+        self._keep(points, sights, order)
         order = order[_evenly(len(order), _MOST_POINTS)]
         if len(order) <= _AROUND:
             return
@@ -146,11 +146,12 @@ class DepthNoise:
         if len(self._found) == 2 * _LOOKS:
             self._found, self._each = self._found[::2], 2 * self._each
 
-    def _keep(self, rows: Float64) -> None:
+    def _keep(self, points: Float64, sights: Float64, order: Int64) -> None:
         """Keep one of so many points, half of what is kept once it is too much."""
-        self._kept.append(rows[-self._passed % self._every :: self._every])
-        self._passed += len(rows)
-        self._room += len(self._kept[-1])
+        kept = order[-self._passed % self._every :: self._every]
+        self._passed += len(order)
+        self._kept.append(np.column_stack((points[kept], sights[kept])))
+        self._room += len(kept)
         while self._room > 2 * _KEPT:
             self._kept = [np.concatenate(self._kept)[::2]]
             self._every *= 2

@@ -231,8 +231,7 @@ class PoseTrack:
         """Return the pose at each of these times (M,), in seconds; at NaN none is known."""
         if not len(self.stamps):
             return unknown(len(stamps))
-        low, high, share = self._share(stamps)
-        in_gap = self._apart(low, high) & (share > 0) & (share < 1)
+        low, high, share, in_gap = self._share(stamps)
         known = (stamps >= self._span[0]) & (stamps <= self._span[1]) & ~in_gap
         share = np.where(known, self._within_series(low, high, share), np.nan)[:, np.newaxis]
         translation = (1 - share) * self._translations[low] + share * self._translations[high]
@@ -242,40 +241,38 @@ class PoseTrack:
         """Return whether each of these times (M,) lies in a gap, where no pose is known."""
         if not len(self.stamps):
             return np.zeros(len(stamps), dtype=np.bool_)
-        low, high, share = self._share(stamps)
-        return np.asarray(self._apart(low, high) & (share > 0) & (share < 1))
+        return self._share(stamps)[3]
 
     def series_at(self, stamps: Float64) -> Int64:
         """Return the series of the pose in force at each of these times (M,), known or not.
 
         There must be at least one pose.
         """
-        low, high, share = self._between(stamps)
+        low, high, share, _ = self._share(stamps)
+        share = self._within_series(low, high, share)
         return np.where(share == 1, self._series[high], self._series[low])
-
-    def _between(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
-        """Return the rows before and after each time (M,), and its share of the way, 0 to 1."""
-        low, high, share = self._share(stamps)
-        return low, high, self._within_series(low, high, share)
 
     def _within_series(self, low: Int64, high: Int64, share: Float64) -> Float64:
         return np.where(self._series[low] == self._series[high], share, share == 1)
 
-    def _share(self, stamps: Float64) -> tuple[Int64, Int64, Float64]:
-        """Return the same, whatever the series."""
-        last = len(self.stamps) - 1
-        low = np.clip(np.searchsorted(self.stamps, stamps, side="right") - 1, 0, max(0, last - 1))
-        high = np.minimum(low + 1, last)
-        step = np.where(high > low, self.stamps[high] - self.stamps[low], 1.0)
-        share = np.clip((stamps - self.stamps[low]) / step, 0.0, 1.0)
-        apart = self._apart(low, high)
-        if apart.any():
-            share = np.where(apart & (stamps - self.stamps[low] <= self._slack), 0.0, share)
-            share = np.where(apart & (self.stamps[high] - stamps <= self._slack), 1.0, share)
-        return low, high, share
+    def _share(self, stamps: Float64) -> tuple[Int64, Int64, Float64, Bool]:
+        """Return the rows before and after each time (M,), its share of the way, and what is apart.
 
-    def _apart(self, low: Int64, high: Int64) -> Bool:
-        return np.asarray(self.stamps[high] - self.stamps[low] > self._gap)
+        The share is from 0 to 1, whatever the series. Apart is what lies in a gap.
+        """
+        last = len(self.stamps) - 1
+        # Often there is one time only: functions of numpy's that are written in Python cost most.
+        low = np.searchsorted(self.stamps, stamps, side="right") - 1
+        low = np.minimum(np.maximum(low, 0), max(0, last - 1))
+        high = np.minimum(low + 1, last)
+        before, after = self.stamps[low], self.stamps[high]
+        step = after - before
+        share = np.minimum(np.maximum((stamps - before) / np.where(step > 0, step, 1.0), 0.0), 1.0)
+        apart = step > self._gap
+        if apart.any():
+            share = np.where(apart & (stamps - before <= self._slack), 0.0, share)
+            share = np.where(apart & (after - stamps <= self._slack), 1.0, share)
+        return low, high, share, np.asarray(apart & (share > 0) & (share < 1))
 
 
 def _slerp(begin: Float64, end: Float64, share: Float64) -> Float64:
