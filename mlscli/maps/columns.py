@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
 import numpy as np
+
+from mlscli.runtime.arrays import Array, frozen
 
 COLUMNS: Mapping[str, np.dtype[Any]] = {
     "ix": np.dtype(np.int32),
@@ -27,8 +29,36 @@ COLUMNS: Mapping[str, np.dtype[Any]] = {
 }
 STATISTICS = ("top", "bottom", "mean", "variance")
 
+UNMEASURED: Mapping[str, float] = {
+    **dict.fromkeys((*STATISTICS, "noise"), np.nan),
+    **dict.fromkeys(("count", "moved"), 0),
+    **dict.fromkeys(("region", "first_keyframe", "last_keyframe"), -1),
+}
+"""What all inserted patches hold alike, by column."""
+
 # Where the columns begin in a block of memory for one patch, and the length of the block.
 _OFFSETS = tuple(accumulate((dtype.itemsize for dtype in COLUMNS.values()), initial=0))
+
+
+# The columns whose values have 1, 4 and 8 bytes, and unsigned integers of as many.
+_BARE: Sequence[tuple[Any, Sequence[str]]] = [
+    (kind, [name for name, dtype in COLUMNS.items() if dtype.itemsize == np.dtype(kind).itemsize])
+    for kind in (np.uint8, np.uint32, np.uint64)
+]
+
+
+def bare(columns: Mapping[str, Array]) -> list[tuple[Array, ...]]:
+    """Return columns as unsigned integers, a tuple for those of each size.
+
+    So a kernel that moves values is compiled for few types, and called for few columns at once.
+    """
+    return [tuple(_viewed(columns[name], kind) for name in names) for kind, names in _BARE]
+
+
+def _viewed(column: Array, kind: Any) -> Array:
+    if not column.flags.c_contiguous:
+        column = frozen(column.copy())
+    return column.view(kind)
 
 
 def new_columns(size: int) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlscli.runtime.arrays import Int32, Int64
+from mlscli.runtime.arrays import ZERO, Int32, Int64
 from mlscli.runtime.kernels import inner, kernel
 
 Index = int | np.int64
@@ -79,13 +79,22 @@ def links(line: Int32) -> tuple[Int32, Int32]:
         The line of the grid in which each cell lies: its `ix` or its `iy`. The cells of a line are
         in order.
     """
-    least, greatest = int(line.min(initial=0)), int(line.max(initial=0))
+    least, greatest = _ends(line)
     if greatest - least > _DENSE * len(line):
         # Far apart: only the lines that hold cells are numbered.
         line = np.unique(line, return_inverse=True)[1].astype(np.int32)
         least, greatest = 0, len(line)
     after, before = _links(line, least, greatest - least + 1)
     return after, before
+
+
+@kernel
+def _ends(line: Int32) -> tuple[int, int]:
+    """Return the least and the greatest line, or 0 where that is less or more."""
+    least = greatest = ZERO
+    for number in line:
+        least, greatest = min(least, number), max(greatest, number)
+    return least, greatest
 
 
 @kernel

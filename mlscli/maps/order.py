@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from mlscli.runtime.arrays import Array, Float64, Int32, Int64, UInt8, UInt32, frozen
 from mlscli.runtime.kernels import inner, kernel
+
+# Arrays of one type, the columns of a map that hold values of one size.
+Columns: TypeAlias = tuple[Array, ...]
 
 
 class Keys(NamedTuple):
@@ -49,18 +52,22 @@ class OccupiedCells(NamedTuple):
     @classmethod
     def of(cls, ix: Int32, iy: Int32) -> OccupiedCells:
         """Return the cells of patches that ascend by (ix, iy)."""
-        start = _starts(frozen(ix), frozen(iy))
-        return cls(ix[start[:-1]], iy[start[:-1]], start)
+        return cls(*_occupied(frozen(ix), frozen(iy)))
 
 
 @kernel
-def _starts(ix: Int32, iy: Int32) -> Int64:
-    start = np.empty(len(ix) + 1, dtype=np.int64)
-    start[0] = cells = 0
+def _occupied(ix: Int32, iy: Int32) -> tuple[Int32, Int32, Int64]:
+    cells = 0
     for i in range(len(ix)):
-        start[cells + 1] = i + 1
-        cells += i + 1 == len(ix) or ix[i + 1] != ix[i] or iy[i + 1] != iy[i]
-    return start[: cells + 1].copy()
+        cells += i == 0 or ix[i] != ix[i - 1] or iy[i] != iy[i - 1]
+    x, y = np.empty(cells, dtype=np.int32), np.empty(cells, dtype=np.int32)
+    start = np.empty(cells + 1, dtype=np.int64)
+    start[cells], cell = len(ix), 0
+    for i in range(len(ix)):
+        if i == 0 or ix[i] != ix[i - 1] or iy[i] != iy[i - 1]:
+            x[cell], y[cell], start[cell] = ix[i], iy[i], i
+            cell += 1
+    return x, y, start
 
 
 @kernel
@@ -87,29 +94,40 @@ def come_before(keys: Keys, others: Keys) -> Int64:
     return before
 
 
-def bare(column: Array) -> Array:
-    """Return a view of a column as unsigned integers: kernels are compiled for fewer types."""
-    return column.view(f"u{column.itemsize}")
+@kernel
+def pick(begin: int, end: int, columns: Columns, which: Int64, picked: Columns) -> None:
+    """Write rows `begin` to `end` of `picked`: row i is row ``which[i]`` of some columns."""
+    # An index that begins at 0 is known to be none from the end, which would be looked for.
+    chosen = which[begin:end]
+    for c in range(len(columns)):
+        column, target = columns[c], picked[c][begin:end]
+        for i in range(len(target)):
+            target[i] = column[chosen[i]]
 
 
 @kernel
-def pick(column: Array, which: Int64, picked: Array) -> None:
-    """Copy the elements of a column at some indices into `picked`."""
-    for i in range(len(which)):
-        picked[i] = column[which[i]]
-
-
-@kernel
-def interleave(column: Array, others: Array, before: Int64, both: Array) -> None:
-    """Merge two columns into `both`; ``before[k]`` of the first precede the k-th of the others."""
-    done = 0
-    for k in range(len(others)):
-        for i in range(done, before[k]):
-            both[i + k] = column[i]
-        done = before[k]
-        both[done + k] = others[k]
-    for i in range(done, len(column)):
-        both[i + len(others)] = column[i]
+def interleave(
+    begin: int, end: int, columns: Columns, others: Columns, before: Int64, both: Columns
+) -> None:
+    """Write rows `begin` to `end` of `both`: ``before[k]`` rows precede the k-th of the others."""
+    first, beyond = 0, len(before)
+    while first < beyond:
+        middle = (first + beyond) // 2
+        if before[middle] + middle < begin:
+            first = middle + 1
+        else:
+            beyond = middle
+    for c in range(len(columns)):
+        column, other, target = columns[c], others[c], both[c]
+        k, i = first, begin - first
+        while i + k < end:
+            stop = min(before[k], end - k) if k < len(before) else end - k
+            for j in range(i, stop):
+                target[j + k] = column[j]
+            i = stop
+            if i + k < end:
+                target[i + k] = other[k]
+                k += 1
 
 
 @inner

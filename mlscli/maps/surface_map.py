@@ -19,10 +19,10 @@ import numpy as np
 
 from mlscli.errors import InputError, expect
 from mlscli.maps.cells import CellSet, Limits
-from mlscli.maps.columns import COLUMNS, STATISTICS, new_columns
+from mlscli.maps.columns import COLUMNS, STATISTICS, UNMEASURED, bare, new_columns
 from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
-from mlscli.maps.order import Keys, OccupiedCells, ascend, bare, come_before, interleave, pick
+from mlscli.maps.order import Columns, Keys, OccupiedCells, ascend, come_before, interleave, pick
 from mlscli.maps.patches import overlap, reach_beyond
 from mlscli.maps.uncertainty import height_variances
 from mlscli.parameters.lengths import FARTHEST
@@ -32,7 +32,7 @@ from mlscli.runtime.threads import LIGHT, in_ranges
 MEASURED, PLASTERED, ARTIFICIAL = 0, 1, 2
 ORIGINS = ("measured", "plastered", "artificial")
 
-_ENDS = {"height", "depth", "top", "bottom"}
+_ENDS = ("height", "depth", "top", "bottom")
 _ARRAYS = (*COLUMNS, "route")
 
 
@@ -203,10 +203,10 @@ class SurfaceMap:
 
         Where their ends are among these, it is noted which patches were moved beyond their points.
         """
-        changed = replace(self, **columns)
-        if columns.keys() & _ENDS and "moved" not in columns:
-            changed = replace(changed, moved=changed.beyond_points().astype(np.uint8))
-        return changed.sorted()
+        if columns.keys() & set(_ENDS) and "moved" not in columns:
+            ends = (columns.get(name, getattr(self, name)) for name in _ENDS)
+            columns["moved"] = reach_beyond(*ends).astype(np.uint8)
+        return replace(self, **columns).sorted()
 
     def beyond_points(self) -> Bool:
         """Return which measured patches do not lie within [bottom, top], bool (P,)."""
@@ -219,10 +219,10 @@ class SurfaceMap:
             return self
         chosen: Any = np.flatnonzero(which) if which.dtype == np.bool_ else which
 
-        def choose(name: str, taken: Array) -> None:
-            pick(bare(getattr(self, name)), chosen, bare(taken))
+        def choose(begin: int, end: int, columns: Columns, taken: Columns) -> None:
+            pick(begin, end, columns, chosen, taken)
 
-        return self._with_new_columns(len(chosen), choose)
+        return self._with_new_columns(len(chosen), choose, self)
 
     def sorted(self) -> SurfaceMap:
         """Return the same patches in the file's order."""
@@ -238,24 +238,28 @@ class SurfaceMap:
             return mine
         before = come_before(mine.keys, others.keys)
 
-        def put_together(name: str, both: Array) -> None:
-            one, two = getattr(mine, name), getattr(others, name)
-            interleave(bare(one), bare(two), before, bare(both))
+        def put_together(
+            begin: int, end: int, columns: Columns, more: Columns, both: Columns
+        ) -> None:
+            interleave(begin, end, columns, more, before, both)
 
-        return self._with_new_columns(mine.size + others.size, put_together)
+        return self._with_new_columns(mine.size + others.size, put_together, mine, others)
 
-    def _with_new_columns(self, size: int, fill: Callable[[str, Array], None]) -> SurfaceMap:
-        """Return a map of `size` patches, each column written by ``fill(name, column)``.
+    def _with_new_columns(
+        self, size: int, fill: Callable[..., None], *sources: SurfaceMap
+    ) -> SurfaceMap:
+        """Return a map of `size` patches, whose rows ``fill(begin, end, *columns)`` writes.
 
-        Several threads call `fill`.
+        Several threads call `fill`, with columns of one size: those of each source, and the new.
         """
-        new, names = new_columns(size), list(COLUMNS)
+        new = new_columns(size)
+        by_size = list(zip(*(bare(each) for each in (*map(vars, sources), new)), strict=True))
 
-        def fill_some(begin: int, end: int) -> None:
-            for name in names[begin:end]:
-                fill(name, new[name])
+        def fill_rows(begin: int, end: int) -> None:
+            for columns in by_size:
+                fill(begin, end, *columns)
 
-        in_ranges(len(names), fill_some, weight=LIGHT * size)
+        in_ranges(size, fill_rows, weight=LIGHT)
         return replace(self, **new)
 
     def with_inserted(
@@ -273,24 +277,11 @@ class SurfaceMap:
         expect(ix, np.ndarray, "ix", "an array")
         if not len(ix):
             return self
-        unmeasured = np.full(len(ix), -1, dtype=np.int32)
-        unknown: dict[str, Any] = {name: np.full(len(ix), np.nan) for name in STATISTICS}
-        inserted = replace(
-            self,
-            ix=ix,
-            iy=iy,
-            height=height,
-            depth=depth,
-            count=np.zeros(len(ix), dtype=np.uint32),
-            origin=origin,
-            moved=np.zeros(len(ix), dtype=np.uint8),
-            noise=np.full(len(ix), np.nan, dtype=np.float32),
-            region=unmeasured,
-            first_keyframe=unmeasured,
-            last_keyframe=unmeasured,
-            **unknown,
-        )
-        return self.union(inserted)
+        given = {"ix": ix, "iy": iy, "height": height, "depth": depth, "origin": origin}
+        inserted = new_columns(len(ix))
+        for name, column in inserted.items():
+            column[:] = given[name] if name in given else UNMEASURED[name]
+        return self.union(replace(self, **inserted))
 
     def crop(
         self,
