@@ -31,19 +31,36 @@ _ROUNDED, _SPREAD = 0.7, 0.6
 # Surfaces of a height are never taken for rarer.
 _RAREST = 0.02
 _MARGIN = 3
-_MOST_VOXELS = 2**25
+# Of a field, and of points on walls.
+_MOST_VOXELS, _MOST_POINTS = 2**22, 2**18
 
 
 def samples_of(surface: SurfaceMap) -> Float64:
-    """Return points on all measured patches, float64 (N, 3): on walls half a cell apart or less."""
-    measured = surface.take(surface.origin == MEASURED)
-    step = measured.cell_size / 2
+    """Return points on the measured patches, float64 (N, 3): on walls half a cell apart or less.
+
+    Strays are left out, which lie farther from most patches than those span.
+    """
+    measured = _without_strays(surface.take(surface.origin == MEASURED))
+    # Heights of a hostile map may span what no memory holds.
+    step = max(measured.cell_size / 2, float(measured.depth.sum()) / _MOST_POINTS)
     pieces = np.ceil(measured.depth / step).astype(np.int64)
     patch = np.repeat(np.arange(measured.size), pieces + 1)
     number = np.arange(len(patch)) - np.repeat(np.cumsum(pieces + 1) - pieces - 1, pieces + 1)
     share = number / np.maximum(pieces, 1)[patch]
     middles = [(index[patch] + 0.5) * measured.cell_size for index in (measured.ix, measured.iy)]
     return np.column_stack((*middles, measured.height[patch] - share * measured.depth[patch]))
+
+
+def _without_strays(measured: SurfaceMap) -> SurfaceMap:
+    if not measured.size:
+        return measured
+    x, y = measured.ix * measured.cell_size, measured.iy * measured.cell_size
+    bottoms = np.column_stack((x, y, measured.low_end))
+    tops = np.column_stack((x, y, measured.height))
+    low, high = np.quantile(bottoms, 0.01, axis=0), np.quantile(tops, 0.99, axis=0)
+    room = float((high - low).max()) + 3 * measured.cell_size
+    usual = (bottoms >= low - room) & (tops <= high + room)
+    return measured.take(np.flatnonzero(usual.all(axis=1)))
 
 
 @dataclass(frozen=True, eq=False)

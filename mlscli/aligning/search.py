@@ -135,11 +135,13 @@ def _distinct(pair: Pair, found: Sequence[Found], voxels: float) -> list[Found]:
 
 
 def _correlated(pair: Pair, width: float, scale: float, yaws: Sequence[float]) -> Iterator[Found]:
-    """Yield the best shifts for each yaw, in voxels of this width."""
-    field = Field.of(pair.one, width)
-    first = np.array(field.evidence.shape)
+    """Yield the best shifts for each yaw, in voxels of this width, or as wide as memory needs."""
     room = np.ptp(pair.other, axis=0)
     room[:2] = np.hypot(*room[:2])
+    both = np.vstack((np.zeros(3), np.ptp(pair.one, axis=0) + room * scale))
+    width = fitting_width(both, width)
+    field = Field.of(pair.one, width)
+    first = np.array(field.evidence.shape)
     needed = first + np.ceil(room * scale / sides(width)).astype(int) + 2
     shape = [fft.next_fast_len(int(n), real=True) for n in needed]
     # The lowest and highest voxels go on below and above.

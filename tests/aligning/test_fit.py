@@ -9,6 +9,7 @@ maps have points of their own and cells that are no multiples of each other.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from mlscli.aligning.fit import MOST_RIVAL, align_maps
 from mlscli.errors import InputError, UsageError
 from mlscli.geometry.similarity import Similarity
 from mlscli.maps.surface_map import SurfaceMap
+from tests.helpers.maps import Patch, map_of
 from tests.helpers.yards import CELL, cloud, map_of_points, off
 
 MOVED = Similarity(2.1, 0.6, (-31.0, 12.5, 4.0))
@@ -64,6 +66,14 @@ def test_what_is_another_place_is_refused(yard: SurfaceMap) -> None:
     steps = [((n, 0, n / 2), (n + 1, 9, n / 2)) for n in range(12)]
     with pytest.raises(InputError, match=r"nothing fits|more than one fit"):
         align_maps(yard, map_of_points(cloud(6, (0, 12), steps)), 1.0)
+
+
+def test_strays_and_endless_walls_neither_mislead_nor_take_memory(yard: SurfaceMap) -> None:
+    strays = [Patch(30_000_000, 5, 0.0, 0.0, 0, 1), Patch(5, 5, 9e7, 1.8e8, 0, 2)]
+    astray = map_of(strays, yard.gap_size, CELL)
+    hostile = replace(yard, thickness=astray.thickness).union(astray)
+    found = align_maps(hostile, map_of_points(cloud(7), 0.35), 1.0)
+    assert off(found.fit, Similarity(), cloud(7)) < CELL / 2
 
 
 def test_a_map_of_a_few_patches_is_refused(yard: SurfaceMap) -> None:
