@@ -32,6 +32,16 @@ def a_map() -> SurfaceMap:
     )
 
 
+def test_columns_that_lie_scattered_in_memory_are_taken_and_merged_like_others() -> None:
+    surface = random_map(np.random.default_rng(4))
+    some = np.arange(0, surface.size, 3)
+    ix, height = np.repeat(surface.ix, 2), np.repeat(surface.height, 2)
+    scattered = replace(surface, ix=ix[::2], height=height[::2])
+    assert not scattered.height.flags.c_contiguous
+    assert scattered.take(some) == surface.take(some)
+    assert scattered.union(surface.take(some)) == surface.union(scattered.take(some))
+
+
 def test_the_union_of_two_maps_is_sorted_and_of_equals_those_of_the_first_come_first() -> None:
     rng = np.random.default_rng(3)
     shared = 0
