@@ -86,8 +86,13 @@ def _are_apart(points: Float64) -> bool:
 @lru_cache(maxsize=64)
 def _some(count: int) -> Int64:
     """Return places in a cloud, by chance, for what a sensor leaves out is regular."""
-    shifts = np.random.default_rng(0).random(_GLANCE)
-    return ((np.arange(_GLANCE) + shifts) * (count / _GLANCE)).astype(np.int64)
+    return (_shifted() * (count / _GLANCE)).astype(np.int64)
+
+
+@lru_cache(maxsize=1)
+def _shifted() -> Float64:
+    """Return the whole numbers from 0, each with a share added by chance, (`_GLANCE`,)."""
+    return np.arange(_GLANCE) + np.random.default_rng(0).random(_GLANCE)
 
 
 def _alike(points: Float64) -> int:
