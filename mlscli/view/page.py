@@ -107,8 +107,8 @@ def write_page(
     expect(title, str, "title", "a text")
     if points is not None:
         require_points(points, "points")
-    expect(explored, (Exploration, type(None)), "explored", "what `explore` returns")
-    expect(fitted, (Clearance, type(None)), "fitted", "what `clearance` returns")
+    expect(explored, (Exploration, type(None)), "explored", "an exploration (Exploration)")
+    expect(fitted, (Clearance, type(None)), "fitted", "a clearance (Clearance)")
     shown = picture(surface, points, explored=explored, fitted=fitted)
     header, data = _pack(surface, shown, title)
     if len(data) > _LARGEST_BYTES:
