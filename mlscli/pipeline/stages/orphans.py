@@ -24,8 +24,12 @@ from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
 from mlscli.pipeline.stages.stage import MapStage
 from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
-from mlscli.runtime.kernels import kernel
+from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.sorting import place_of
 from mlscli.runtime.threads import LIGHT, in_ranges
+
+# Of a cell with more patches, only those of about the same height are compared.
+_MANY = 16
 
 
 @dataclass(frozen=True)
@@ -60,13 +64,19 @@ class Orphans(MapStage):
         half_x = min(half_y, int(cells.ix[-1]) - int(cells.ix[0])) if len(cells.ix) else 0
         vertical = in_units(self.vertical, surface.cell_size)
         low, high, stays = surface.low_end, surface.height, np.empty(surface.size, dtype=np.bool_)
-        box = half_x, half_y, vertical
+        deepest = float((high - low).max()) if surface.size else 0.0
 
         def look_around(begin: int, end: int) -> None:
-            _look_around(begin, end, *cells, low, high, *box, self.min_neighbours, stays)
+            _look_around(
+                begin, end, *cells, low, high, half_x, half_y, vertical, deepest,
+                self.min_neighbours, stays,
+            )  # fmt: skip
 
         def weigh(begin: int, end: int) -> None:
-            _weigh(begin, end, *cells, low, high, points, *box, float(self.min_share), stays)
+            _weigh(
+                begin, end, *cells, low, high, points, half_x, half_y, vertical, deepest,
+                float(self.min_share), stays,
+            )  # fmt: skip
 
         in_ranges(len(cells.ix), look_around, weight=LIGHT)
         if self.min_share > 0:
@@ -87,6 +97,7 @@ def _look_around(
     half_x: int,
     half_y: int,
     vertical: float,
+    deepest: float,
     min_neighbours: int,
     stays: Bool,
 ) -> None:
@@ -106,6 +117,8 @@ def _look_around(
         Half the width of the box in x and in y, in cells.
     vertical : float
         Greatest distance of a neighbour in height, in the unit of the recording.
+    deepest : float
+        No patch is deeper.
     min_neighbours : int
         How many others are enough.
     stays : bool (P,)
@@ -133,7 +146,8 @@ def _look_around(
                     and ix[there] == x
                     and iy[there] <= highest
                 ):
-                    for j in range(start[there], start[there + 1]):
+                    ends = _level(start, there, low[i], high, i, vertical, deepest)
+                    for j in range(ends[0], ends[1]):
                         neighbours += distance(low[i], high[i], low[j], high[j]) <= vertical
                     there += 1
             stays[i] = neighbours >= min_neighbours
@@ -152,6 +166,7 @@ def _weigh(
     half_x: int,
     half_y: int,
     vertical: float,
+    deepest: float,
     min_share: float,
     stays: Bool,
 ) -> None:
@@ -159,7 +174,7 @@ def _weigh(
 
     Parameters
     ----------
-    begin, end, ix, iy, start, low, high, half_x, half_y, vertical
+    begin, end, ix, iy, start, low, high, half_x, half_y, vertical, deepest
         As in `_look_around`.
     points : int64 (P + 1,)
         How many points all patches before each one have.
@@ -187,7 +202,27 @@ def _weigh(
                 if alike >= enough:
                     break
                 column %= columns
-                for j in range(start[first[column]], start[beyond[column]]):
-                    near = distance(low[i], high[i], low[j], high[j]) <= vertical
-                    alike += (points[j + 1] - points[j]) * (near & (j != i))
+                for there in range(first[column], beyond[column]):
+                    ends = _level(start, there, low[i], high, i, vertical, deepest)
+                    for j in range(ends[0], ends[1]):
+                        near = distance(low[i], high[i], low[j], high[j]) <= vertical
+                        alike += (points[j + 1] - points[j]) * (near & (j != i))
             stays[i] &= alike >= enough
+
+
+@inner
+def _level(
+    start: Int64, cell: int, low: float, high: Float64, i: int, vertical: float, deepest: float
+) -> tuple[int, int]:
+    """Return the range of patches of a cell outside which none is near patch i in height.
+
+    Patches of a cell ascend by their upper ends.
+    """
+    begin, end = start[cell], start[cell + 1]
+    if end - begin <= _MANY:
+        return begin, end
+    # The margin outweighs rounding.
+    margin = 1e-9 * (abs(low) + abs(high[i]) + vertical + deepest)
+    there = high[begin:end]
+    first = place_of(there, low - vertical - margin)
+    return begin + first, begin + place_of(there, high[i] + vertical + deepest + margin)

@@ -7,6 +7,7 @@ the maps, and a test that each stage changes many of them.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -127,6 +128,26 @@ def test_a_stage_agrees_with_its_rule_read_plainly(draw: Draw) -> None:
         assert after == reference(before)
         changed += after != before
     assert changed > MAPS / 10
+
+
+def test_orphans_among_many_levels_are_told_by_the_rule_and_in_their_time() -> None:
+    rng = np.random.default_rng(6)
+    patches = [
+        Patch(ix, iy, float(height), float(rng.choice([0, 0.25, 2.0])), 0, int(rng.integers(1, 5)))
+        for ix in range(2)
+        for iy in range(2)
+        for height in np.cumsum(rng.choice([0.25, 0.5, 3.0], 60))
+    ]
+    for vertical, share in ((0.25, 0.0), (0.5, 0.01), (0.5, 0.05)):
+        stage = Orphans(horizontal=0.5, vertical=vertical, min_neighbours=2, min_share=share)
+        found = patches_of(stage.apply(map_of(patches)))
+        assert found == references.orphans(ordered(patches), CELL, 0.5, vertical, 2, share)
+        assert 0 < len(found) < len(patches)
+    # Each against each took minutes.
+    tower = map_of([Patch(0, iy, 2.0 * k, 0.0, 0, 1) for iy in range(3) for k in range(8000)])
+    begin = time.process_time()
+    assert not Orphans(horizontal=0.5, vertical=0.5, min_share=0.1).apply(tower).size
+    assert time.process_time() - begin < 1
 
 
 @every_stage
