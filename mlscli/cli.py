@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import traceback
+import warnings
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +22,7 @@ from typing import NoReturn
 import click
 
 from mlscli.commands.completion import VARIABLE, completed
-from mlscli.errors import ConfigError, MlsError, nearest, printable, with_options
+from mlscli.errors import ConfigError, MlsError, nearest, printable, shorten, with_options
 from mlscli.runtime.interrupts import end_in_time, when_safe
 from mlscli.runtime.notices import hear
 from mlscli.runtime.temporary import remove_present
@@ -49,6 +50,10 @@ COMMANDS = {
     "config": ("mlscli.commands.config", "Write, show and check parameters."),
     "completion": ("mlscli.commands.completion", "Have a shell complete commands and their words."),
 }
+
+
+LONGEST_LINE = 2000
+"""Of an error more is left out."""
 
 
 class Stopped(BaseException):
@@ -128,6 +133,8 @@ def main() -> NoReturn:
             signal.signal(number, partial(_stop, run))
     end_in_time(partial(_end, run))
     hear(_say)
+    # Where numbers overflow, a result is refused or told; the user can do nothing about the rest.
+    warnings.simplefilter("ignore", RuntimeWarning)
     try:
         status = _status(run)
     except BaseException as error:
@@ -201,7 +208,7 @@ def _report(error: BaseException, run: Run) -> int:
         if run.debug:
             traceback.print_exception(error)
         for line in lines:
-            click.echo(f"mls{printable(line)}", err=True)
+            click.echo(f"mls{shorten(printable(line), LONGEST_LINE)}", err=True)
     return status
 
 

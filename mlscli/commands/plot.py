@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mlscli.commands.options import coloured, overwrite, tell, without_artificial
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, printable
 
 if TYPE_CHECKING:
     from mlscli.mesh.colours import ColourBy
@@ -75,11 +75,11 @@ def command(
 
     require_format(target)
     surface, artificial = read_map(source), not no_artificial
-    name = Path(source).name
+    name = printable(Path(source).name)
     if line is not None:
         figure = plot_section(surface, *line, colour=colour, artificial=artificial, title=name)
     elif other is not None:
-        titles = (name, Path(other).name)
+        titles = (name, printable(Path(other).name))
         second = read_map(other)
         figure = plot_differences(
             surface, second, colour=colour, artificial=artificial, titles=titles

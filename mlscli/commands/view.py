@@ -99,7 +99,10 @@ def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
     """Return the points of recordings, read with the options that the map was built with."""
     from mlscli.io.reading.recording import open_recording
 
-    options = surface.meta.get("reading") or {}
+    options = surface.meta.get("reading")
+    if not isinstance(options, dict):
+        # Another program may have written anything into it.
+        options = {}
     try:
         recording = open_recording(*sources, **options)
     except (TypeError, UsageError) as error:

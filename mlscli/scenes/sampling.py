@@ -47,7 +47,8 @@ def sample(scene: Scene, spacing: float) -> Samples:
     if not (math.isfinite(spacing) and spacing > 0):
         raise UsageError(f"`grid` {spacing:g}: expected a spacing above 0")
     counts = [_steps(surface, spacing) for surface in scene.surfaces]
-    total = sum(rows * columns for rows, columns in counts)
+    # As floats, as the whole number may be beyond them.
+    total = sum(float(rows) * float(columns) for rows, columns in counts)
     if total > MAX_POINTS:
         raise UsageError(
             f"`grid` {spacing:g}: makes {total:.3g} points of {scene.name}, expected at most "

@@ -6,6 +6,7 @@ output has been replaced.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -13,6 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 from mlscli.errors import OutputError, UsageError
+from mlscli.io.writing.npz import write_map
+from tests.helpers.maps import Patch, map_of
 
 CASES = {
     "a map's route": "build a.txt --route tum.npz -o again/tum.npz",
@@ -58,3 +61,23 @@ def test_a_replay_is_not_written_over_the_map_that_goes_with_it(
     error = CliRunner().invoke(command, arguments).exception
     assert isinstance(error, UsageError)
     assert str(error) == "--replay again/q.npz: is the map's name; choose another"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("synth --type 1 --grid 1e-300 -o b.txt", "expected at most 200000000"),
+        ("plot a\udcff.npz -o a.png", ""),
+        ("view a\udcff.npz --points a.txt --html a.html", ""),
+    ],
+)
+def test_odd_names_numbers_and_metas_end_in_no_internal_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: str, told: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.txt").write_text("0 0 0\n1 0 0\n")
+    write_map("a\udcff.npz", replace(map_of([Patch(0, 0, 1.0, 0.0, 0, 1)]), meta={"reading": 3}))
+    name, *rest = arguments.split(" ")
+    done = CliRunner().invoke(import_module(f"mlscli.commands.{name}").command, rest)
+    assert done.exception is None if not told else isinstance(done.exception, UsageError)
+    assert told in str(done.exception)
