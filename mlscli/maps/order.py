@@ -109,7 +109,19 @@ def pick(begin: int, end: int, columns: Columns, which: Int64, picked: Columns) 
 def interleave(
     begin: int, end: int, columns: Columns, others: Columns, before: Int64, both: Columns
 ) -> None:
-    """Write rows `begin` to `end` of `both`: ``before[k]`` rows precede the k-th of the others."""
+    """Write rows `begin` to `end` of columns that hold the rows of two, interleaved.
+
+    Parameters
+    ----------
+    begin, end : int
+        Range of rows to write.
+    columns, others : tuples of arrays (M,), and (N,)
+        Columns of one size of an item.
+    before : int64 (N,)
+        How many rows of `columns` precede each row of `others`.
+    both : tuple of arrays (M + N,)
+        Receives the rows.
+    """
     first, beyond = 0, len(before)
     while first < beyond:
         middle = (first + beyond) // 2
