@@ -217,6 +217,21 @@ def _level(
     """Return the range of patches of a cell outside which none is near patch i in height.
 
     Patches of a cell ascend by their upper ends.
+
+    Parameters
+    ----------
+    start : int64 (C + 1,)
+        Where the patches of each cell begin, and the end of the last.
+    cell : int
+        The cell that is looked at.
+    low : float
+        The lower end of patch i.
+    high : float64 (P,)
+        The upper ends of all patches.
+    i : int
+        Index of the patch.
+    vertical, deepest : float
+        How far off in height a patch is near, and the greatest depth of one.
     """
     begin, end = start[cell], start[cell + 1]
     if end - begin <= _MANY:
