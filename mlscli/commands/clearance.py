@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
+from mlscli.commands.flying import craft_size
 from mlscli.commands.options import as_json, least_lines, overwrite, say, tell
 from mlscli.commands.query import NOT_KEPT
-from mlscli.commands.reading import Numbers
 from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -29,12 +29,7 @@ _MOST_STRETCHES = 12
 
 @click.command()
 @click.argument("source", metavar="MAP")
-@click.option(
-    "--craft",
-    type=Numbers("W,H"),
-    required=True,
-    help="The craft's width (its longest diagonal, seen from above) and height.",
-)
+@craft_size
 @click.option(
     "--along",
     type=click.Choice(("route",)),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
-from mlscli.commands.flying import seeing
+from mlscli.commands.flying import craft_size, seeing
 from mlscli.commands.options import as_json, least_lines, overwrite, say, tell
 from mlscli.commands.query import NOT_KEPT
 from mlscli.commands.reading import Numbers
@@ -26,12 +26,7 @@ ENDINGS = (".csv", ".tum", ".txt", ".plan", ".mcap", ".html")
 
 @click.command()
 @click.argument("source", metavar="MAP")
-@click.option(
-    "--craft",
-    type=Numbers("W,H"),
-    required=True,
-    help="The craft's width (its longest diagonal, seen from above) and height.",
-)
+@craft_size
 @seeing
 @click.option(
     "--views",
@@ -50,7 +45,7 @@ ENDINGS = (".csv", ".tum", ".txt", ".plan", ".mcap", ".html")
     multiple=True,
     help="Write the views: a table (.csv); the way along them as a trajectory of TUM (.tum, .txt) "
     "for mls synth --route, a plan of QGroundControl (.plan), or a path and markers for RViz and "
-    "Foxglove (.mcap); or the map's page with them (.html). More may be named.",
+    "Lichtblick (.mcap); or the map's page with them (.html). More may be named.",
 )
 @click.option(
     "--origin",

@@ -1,4 +1,4 @@
-"""Options of flights: how a synthetic one errs, and what a camera sees."""
+"""Options of flights: how a synthetic one errs, what a camera sees, how large a craft is."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ import click
 from mlscli.commands.reading import Numbers
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+craft_size = click.option(
+    "--craft",
+    type=Numbers("W,H"),
+    required=True,
+    help="The craft's width (its longest diagonal, seen from above) and height.",
+)
 
 features = click.option(
     "--features",

@@ -22,7 +22,7 @@ from mlscli.maps.cells import cell_of, key_of, unpack
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.queries.looked import RUN
 from mlscli.queries.obstacles import Obstacles
-from mlscli.queries.voxels import Voxels, first_from
+from mlscli.queries.voxels import Voxels, column_from
 from mlscli.runtime.arrays import Float64, Int32, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.sorting import place_of
@@ -158,12 +158,7 @@ def _is_open(ix: int, iy: int, low: int, high: int, space: Voxels, least: int) -
     least : int
         So many lines make a voxel open.
     """
-    key = key_of(ix, iy)
-    column = place_of(space.key, key)
-    if column == len(space.key) or space.key[column] != key:
-        return False
-    end = space.start[column + 1]
-    voxel = first_from(space.iz, space.start[column], end, low)
+    voxel, end = column_from(space, key_of(ix, iy), low)
     count = 0
     while voxel < end and space.iz[voxel] <= high:
         count += space.lines[voxel] >= least
@@ -188,11 +183,7 @@ def _longest(
     """
     first, length = np.zeros((2, len(key)), dtype=np.int64)
     for n in range(len(key)):
-        column = place_of(space.key, key[n])
-        voxel, end = 0, 0
-        if column < len(space.key) and space.key[column] == key[n]:
-            end = space.start[column + 1]
-            voxel = first_from(space.iz, space.start[column], end, bottom[n])
+        voxel, end = column_from(space, key[n], bottom[n])
         begin = bottom[n]
         while begin <= top[n]:
             while voxel < end and space.lines[voxel] < least:

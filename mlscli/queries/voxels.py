@@ -8,7 +8,7 @@ import numpy as np
 
 from mlscli.maps.cells import key_of, pack
 from mlscli.maps.free_space import FreeSpace
-from mlscli.runtime.arrays import Int32, Int64, UInt8, UInt64
+from mlscli.runtime.arrays import ZERO, Int32, Int64, UInt8, UInt64
 from mlscli.runtime.kernels import inner
 from mlscli.runtime.sorting import place_of
 
@@ -53,6 +53,16 @@ def first_from(iz: Int32, begin: int, end: int, least: int) -> int:
 
 
 @inner
+def column_from(space: Voxels, key: np.uint64, low: int) -> tuple[int, int]:
+    """Return the voxels of a cell, by its packed key, from the height `low` on: first and end."""
+    column = place_of(space.key, key)
+    if column == len(space.key) or space.key[column] != key:
+        return ZERO, ZERO
+    end = space.start[column + 1]
+    return first_from(space.iz, space.start[column], end, low), end
+
+
+@inner
 def all_seen(space: Voxels, ix: int, iy: int, low: int, high: int, least: int) -> bool:
     """Return whether enough lines passed through each of some voxels above one another.
 
@@ -66,12 +76,7 @@ def all_seen(space: Voxels, ix: int, iy: int, low: int, high: int, least: int) -
     least : int
         How many lines are enough.
     """
-    key = key_of(ix, iy)
-    column = place_of(space.key, key)
-    if column == len(space.key) or space.key[column] != key:
-        return False
-    end = space.start[column + 1]
-    voxel = first_from(space.iz, space.start[column], end, low)
+    voxel, end = column_from(space, key_of(ix, iy), low)
     for wanted in range(low, high + 1):
         if voxel == end or space.iz[voxel] != wanted or space.lines[voxel] < least:
             return False
