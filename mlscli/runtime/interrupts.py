@@ -12,14 +12,39 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 GRACE = 0.7
 """How long the program has to end by itself after a signal, in seconds."""
 
 _PATIENCE = 10.0
 
-undisturbed = threading.RLock()
-"""Held while files change their names, so that the program does not end half way; briefly."""
+
+class _Undisturbed:
+    """Blocks of code, of any threads, in which the program is not ended half way."""
+
+    def __init__(self) -> None:
+        self._blocks = 0
+        self._changed = threading.Condition()
+
+    def __enter__(self) -> None:
+        with self._changed:
+            self._blocks += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._changed:
+            self._blocks -= 1
+            self._changed.notify_all()
+
+    def when_over(self, act: Callable[[], None]) -> None:
+        """Do something when all blocks are over, or have taken too long; none begins meanwhile."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._blocks, _PATIENCE)
+            act()
+
+
+undisturbed = _Undisturbed()
+"""For code that must not be ended half way: while files change their names, a cluster is closed."""
 
 # How often the main thread, which handles signals, holds them at present.
 _held = 0
@@ -53,8 +78,7 @@ def end_in_time(end: Callable[[int], None], grace: float = GRACE) -> None:
         while number := os.read(receive, 1):
             if number[0] in (signal.SIGINT, signal.SIGTERM):
                 time.sleep(grace)
-                undisturbed.acquire(timeout=_PATIENCE)
-                end(number[0])
+                undisturbed.when_over(partial(end, number[0]))
 
     threading.Thread(target=watch, daemon=True).start()
 

@@ -11,9 +11,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
+from mlscli.runtime.interrupts import undisturbed
 from tests.helpers.program import heed_interrupts
 
 # Computes for minutes without a line of Python, as kernels do.
@@ -50,3 +52,24 @@ def test_a_program_that_takes_no_signal_ends_within_a_second_and_leaves_nothing(
     assert time.monotonic() - begin < 3
     assert (program.returncode, said) == (128 + number, "mls: interrupted\n")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_end_waits_for_all_blocks_and_these_not_for_each_other() -> None:
+    done = list[str]()
+
+    def block() -> None:
+        with undisturbed:
+            done.append("block")
+
+    with undisturbed:
+        # Another thread's goes on meanwhile.
+        other = Thread(target=block)
+        other.start()
+        other.join(10)
+        assert not other.is_alive()
+        waiting = Thread(target=undisturbed.when_over, args=(lambda: done.append("ended"),))
+        waiting.start()
+        waiting.join(0.05)
+        assert done == ["block"]
+    waiting.join(10)
+    assert done == ["block", "ended"]
