@@ -9,7 +9,7 @@ from hypothesis import settings
 
 # A kernel that is compiled or loaded within an example takes its time; clocks decide nothing. Each
 # run tries other examples, so that few of them do.
-settings.register_profile("mls", deadline=None, max_examples=40)
+settings.register_profile("mls", deadline=None, max_examples=25)
 settings.load_profile("mls")
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -44,33 +44,23 @@ def agrees(shown: list[str], printed: list[str]) -> bool:
     return bool(same) and agrees(shown[1:], printed[1:])
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder in which all commands of the page ran, one after the other."""
-    folder = tmp_path_factory.mktemp("hour")
+def test_every_command_prints_what_the_page_shows_and_its_python_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert len(steps()) > 12
     for words, shown in steps():
         assert words[0] == "mls"
-        done = mls(*words[1:], cwd=folder)
-        printed = done.stdout.splitlines()
-        assert agrees(shown, printed), (words, done.stdout, done.stderr)
+        done = mls(*words[1:], cwd=tmp_path)
+        assert agrees(shown, done.stdout.splitlines()), (words, done.stdout, done.stderr)
         assert "internal error" not in done.stderr
-    return folder
+    assert (tmp_path / "flight.html").stat().st_size > 0
 
-
-def test_every_command_prints_what_the_page_shows(folder: Path) -> None:
-    assert len(steps()) > 12
-    assert (folder / "flight.html").stat().st_size > 0
-
-
-def test_the_python_shown_says_what_its_comment_does(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(folder)
+    monkeypatch.chdir(tmp_path)
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-    (folder / "shown.py").write_text(code)
-    names = runpy.run_path("shown.py")
-    np.testing.assert_allclose(names["heights"], [1.5, 0.0], rtol=0, atol=0.05)
-    assert (folder / "mesh.ply").stat().st_size > 0
+    (tmp_path / "shown.py").write_text(code)
+    heights = runpy.run_path("shown.py")["heights"]
+    np.testing.assert_allclose(heights, [1.5, 0.0], rtol=0, atol=0.05)
+    assert (tmp_path / "mesh.ply").stat().st_size > 0
 
 
 def test_lines_that_were_not_printed_are_noticed() -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlscli.aligning.moving import moved_map
@@ -40,6 +40,7 @@ def test_what_is_scaled_scales_its_heights_its_variance_and_its_route() -> None:
     assert np.allclose(moved.route[0], (5.0, -4.0, 2.0, 7.0))
 
 
+@settings(max_examples=12)
 @given(
     st.integers(0, 2**32 - 1),
     st.floats(-4, 4),

@@ -89,7 +89,7 @@ def sequential_reference(keyframes: Sequence[Keyframe], given_parameters: Parame
     return surface
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds, st.integers(1, 150), st.sampled_from([EVERYTHING, EVERYTHING + REGIONS, NO_MEDIAN]))
 def test_sequential_tiles_do_what_the_whole_map_would(
     seed: int, min_points: int, pipeline: str
@@ -101,7 +101,7 @@ def test_sequential_tiles_do_what_the_whole_map_would(
     assert replace(surface, route=expected.route) == expected
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds)
 def test_one_batch_makes_the_same_map_in_both_modes(seed: int) -> None:
     keyframes = keyframes_of(random_points(np.random.default_rng(seed)))
@@ -132,7 +132,7 @@ def test_shuffling_and_turning_the_points_shuffles_and_turns_the_map(seed: int) 
         assert turned == turned_map(surface, symmetry)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds, st.sampled_from(["consistent", "sequential"]), st.integers(1, 100))
 def test_every_point_read_is_kept_or_dropped_for_a_reason(
     seed: int, mode: str, min_points: int

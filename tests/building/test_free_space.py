@@ -66,7 +66,7 @@ def seen_through(keyframes: Sequence[Keyframe], stages: Sequence[Stage]) -> Free
     return counts.free_space()
 
 
-@settings(max_examples=15)
+@settings(max_examples=9)
 @given(seen_flights(), seeing_stages(), st.integers(0, 100))
 def test_batches_make_the_free_space_of_one_pass(
     flight: list[Keyframe], stages: tuple[Stage, ...], early: int
@@ -87,7 +87,7 @@ def test_batches_make_the_free_space_of_one_pass(
     assert growing.surface == builder.surface
 
 
-@settings(max_examples=15)
+@settings(max_examples=9)
 @given(
     seen_flights(), seeing_stages(), st.integers(0, 6), st.integers(0, 400), st.sampled_from([1, 3])
 )

@@ -70,7 +70,7 @@ from tests.helpers.pipelines import (
 from tests.pipeline.test_growing import one_pass, together
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(clouds(), stage_lists(), st.integers(0, 5), st.data())
 def test_a_window_shows_what_the_whole_map_has_there(
     points: Points, stages: tuple[Stage, ...], shift: int, data: st.DataObject
@@ -125,7 +125,7 @@ def test_what_pass_one_closes_beyond_keeps_pass_two_from_closing() -> None:
     assert stage.apply(near).in_cells(cell).size == 0
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     clouds(), stage_lists(), st.integers(0, 6), st.integers(0, 400), st.sampled_from([1, 2, 3, 8])
 )

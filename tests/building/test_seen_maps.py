@@ -177,7 +177,7 @@ def test_points_far_beside_a_gap_open_it_when_they_come(seed: int, is_filtered: 
 def test_lines_open_gaps_in_many_flights_and_later_batches_what_was_closed() -> None:
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=60, derandomize=True, database=None)
+    @settings(max_examples=35, derandomize=True, database=None)
     @given(seen_flights(), seeing_stages())
     def look(flight: list[Keyframe], stages: tuple[Stage, ...]) -> None:
         surface = one_pass(flight, stages)

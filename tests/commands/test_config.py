@@ -8,17 +8,14 @@ that come from others are looked at; to call everything ok, so faults are counte
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from mlscli.config import load, loads, preset_text
 from mlscli.pipeline.parameters import to_dict
-
-ROOT = Path(__file__).resolve().parent.parent.parent
+from tests.helpers.program import mls
 
 
 @pytest.fixture
@@ -28,13 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def config(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "mlscli", "config", *arguments],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        timeout=60,
-    )
+    return mls("config", *arguments)
 
 
 def test_init_writes_the_default_preset_with_its_comments(folder: Path) -> None:

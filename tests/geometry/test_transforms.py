@@ -43,7 +43,7 @@ def trees(draw: st.DrawFn) -> tuple[dict[str, str], int]:
 
 
 @given(drawn=trees())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=35)
 def test_a_lookup_is_the_product_of_the_transforms_on_the_way(
     drawn: tuple[dict[str, str], int],
 ) -> None:

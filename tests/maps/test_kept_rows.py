@@ -37,7 +37,7 @@ def scattered(rng: np.random.Generator) -> SurfaceMap:
     return replace(surface, ix=surface.ix * step, iy=surface.iy * step).sorted()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds)
 def test_areas_are_replaced_as_in_a_whole_map(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -76,7 +76,7 @@ def as_rows(by_cell: dict[Cell, list[list[int]]]) -> UInt64:
     return np.array(rows, dtype=np.uint64).reshape(-1, WORDS)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds)
 def test_rows_are_kept_cell_by_cell_in_the_order_in_which_they_were_given(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -22,7 +22,7 @@ CELLS = st.lists(st.tuples(INDEX, INDEX), max_size=12)
 REACH = st.integers(0, 12) | st.sampled_from([31, 32, 33, 70])
 
 
-@settings(max_examples=60)
+@settings(max_examples=35)
 @given(CELLS, REACH)
 def test_the_strips_of_a_set_hold_its_cells_and_no_others(
     cells: list[tuple[int, int]], reach: int

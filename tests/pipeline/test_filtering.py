@@ -32,7 +32,7 @@ def points_of(xyz: Float64) -> Points:
     return Points.of(xyz, np.zeros(len(xyz), dtype=np.int32))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds, MEDIANS)
 def test_what_is_asked_for_is_what_all_are_told(seed: int, stage: Median) -> None:
     rng = np.random.default_rng(seed)
@@ -43,7 +43,7 @@ def test_what_is_asked_for_is_what_all_are_told(seed: int, stage: Median) -> Non
     assert told.tobytes() == everybody.tobytes()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds, MEDIANS)
 def test_nothing_farther_off_than_a_stage_looked_changes_a_point(seed: int, stage: Median) -> None:
     rng = np.random.default_rng(seed)
@@ -91,7 +91,7 @@ def test_only_points_that_see_a_new_one_are_asked_again(
     assert kept(outcome.rows).size >= 2
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(seeds, MEDIANS)
 def test_many_that_come_to_one_cell_change_what_each_of_them_would(
     seed: int, stage: Median

@@ -42,7 +42,7 @@ from tests.helpers.stages import Onlooker
 from tests.pipeline.test_growing import one_pass, together
 
 
-@settings(max_examples=60)
+@settings(max_examples=35)
 @given(flights(), stage_lists())
 def test_after_every_batch_the_map_is_that_of_one_pass(
     flight: list[Points], stages: tuple[Stage, ...]
@@ -69,7 +69,7 @@ def test_after_every_batch_the_map_is_that_of_one_pass(
         assert surface.meta["points"] == at_once(flight, parameters).meta["points"]
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(flights(), stage_lists(), st.integers(1, 300), st.data())
 def test_keyframes_make_one_map_whatever_waits_for_a_batch_and_whoever_looks(
     flight: list[Points], stages: tuple[Stage, ...], min_points: int, data: st.DataObject
@@ -90,7 +90,7 @@ def test_keyframes_make_one_map_whatever_waits_for_a_batch_and_whoever_looks(
     assert surface.meta["points"] == expected.meta["points"]
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(flights().filter(lambda flight: len(flight) < 60), stage_lists())
 def test_a_sequential_map_is_fed_back_into_its_stages_batch_by_batch(
     flight: list[Points], stages: tuple[Stage, ...]

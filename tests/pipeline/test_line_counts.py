@@ -80,7 +80,7 @@ def test_sides_that_no_number_holds_are_no_exception() -> None:
         )
 
 
-@settings(max_examples=60)
+@settings(max_examples=35)
 @given(flights())
 def test_turned_and_mirrored_lines_count_in_turned_and_mirrored_voxels(flight: Flight) -> None:
     points, route = flight
@@ -100,7 +100,7 @@ def test_turned_and_mirrored_lines_count_in_turned_and_mirrored_voxels(flight: F
         assert counts_of(free) == expected
 
 
-@settings(max_examples=60)
+@settings(max_examples=35)
 @given(flights(), st.integers(0, 2**32 - 1))
 def test_neither_order_nor_parts_matter(flight: Flight, seed: int) -> None:
     points, route = flight

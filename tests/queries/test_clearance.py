@@ -59,7 +59,7 @@ def way(rng: np.random.Generator, surface: SurfaceMap) -> Float64:
     return corners
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.integers(0, 2**32))
 def test_every_piece_is_as_loops_over_all_patches_and_voxels_find_it(seed: int) -> None:
     rng = np.random.default_rng(seed)

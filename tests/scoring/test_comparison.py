@@ -124,7 +124,7 @@ def test_a_map_is_identical_to_itself() -> None:
 
 
 def test_exchanging_the_maps_exchanges_the_names_and_nothing_else() -> None:
-    for a, b in map_pairs(200):
+    for a, b in map_pairs(100):
         for tolerance in (0.0, 0.25):
             assert compare_maps(b, a, tolerance) == names_swapped(compare_maps(a, b, tolerance))
 
@@ -142,7 +142,7 @@ def test_turning_both_maps_changes_no_count() -> None:
 
 def test_differences_are_those_of_the_slow_rule_in_total_and_by_origin() -> None:
     seen = dict.fromkeys((*ORIGINS, "changed"), 0)
-    for a, b in map_pairs(200):
+    for a, b in map_pairs(100):
         comparison = compare_maps(a, b, 0.2)
         one, two = patches_of(a), patches_of(b)
         pairs = [(one[i], two[j]) for i, j in slow.pairs(one, two)]

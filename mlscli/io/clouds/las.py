@@ -175,11 +175,14 @@ class LasCloud(PointFile):
                     chunk = reader.read_points(min(step, left))
                     if not len(chunk):
                         raise EOFError("the file ends before them")
-                    part.kept.append(~np.asarray(chunk.withheld, dtype=np.bool_))
+                    kept = ~np.asarray(chunk.withheld, dtype=np.bool_)
                     xyz = side_by_side([np.asarray(axis) for axis in (chunk.x, chunk.y, chunk.z)])
+                    labels = None if label is None else np.asarray(chunk[label])
+                    # All or nothing of a chunk: a damaged scale lets coordinates alone fail.
+                    part.kept.append(kept)
                     part.points.append(xyz)
-                    if label is not None:
-                        part.labels.append(np.asarray(chunk[label]))
+                    if labels is not None:
+                        part.labels.append(labels)
                     part.sizes.append(len(chunk))
                     left -= len(chunk)
             # laspy and lazrs fail in many ways on damaged points, panics of Rust included.

@@ -110,7 +110,7 @@ def test_the_viewpoint_is_where_the_craft_was(shared_data: Path, tmp_path: Path)
 @pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
 @given(example=st.data())
 @settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None, max_examples=35, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_points_come_bit_for_bit_whatever_the_fields(
     tmp_path: Path, data: str, example: st.DataObject

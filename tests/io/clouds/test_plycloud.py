@@ -109,7 +109,7 @@ def written(draw: st.DrawFn, encoding: str) -> tuple[bytes, list[list[float]]]:
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 @given(data=st.data())
 @settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    deadline=None, max_examples=35, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_vertices_come_bit_for_bit_whatever_else_there_is(
     tmp_path: Path, encoding: str, data: st.DataObject

@@ -115,11 +115,8 @@ def test_what_was_written_is_read_bit_for_bit(
         assert cloud.points.tobytes() == np.array(points, dtype=np.float64).tobytes()
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_scan_longer_than_a_block_and_a_second_one_come_bit_for_bit(
-    tmp_path: Path, layout: str
-) -> None:
-    content = scanned(150_000, layout) + scanned(7, layout)
+def test_a_scan_longer_than_a_block_and_a_second_one_come_bit_for_bit(tmp_path: Path) -> None:
+    content = scanned(150_000, "xyzi") + scanned(7, "xyzi")
     assert len(content) > rows_module.BLOCK_CHARACTERS
 
     assert read(tmp_path, content) == (parsed(content), [], [])

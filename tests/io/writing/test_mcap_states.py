@@ -53,7 +53,7 @@ def text(words: bytes) -> bytes:
     return bytes(STORE.serialize_cdr(STORE.types[TEXT](data=words.hex()), TEXT))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(
     messages=st.lists(
         st.tuples(

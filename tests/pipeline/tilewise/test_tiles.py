@@ -37,7 +37,7 @@ def two_runs(points: Points, shift: int) -> PointBlocks:
     return blocks
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=35, deadline=None)
 @given(
     seeds,
     st.sampled_from(sorted(PIPELINES)),
