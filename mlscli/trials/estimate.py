@@ -29,7 +29,8 @@ from mlscli.building.build import settled, unseen
 from mlscli.building.builder import Follower, MapBuilder
 from mlscli.errors import InputError
 from mlscli.io.reading.glance import Glance
-from mlscli.io.reading.recording import AUTO, Recording, open_recording
+from mlscli.io.reading.options import AUTO
+from mlscli.io.reading.recording import Recording, open_recording
 from mlscli.keyframes.batches import batches
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.grid import LENGTHS

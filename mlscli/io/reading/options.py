@@ -5,9 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from numbers import Real
 from types import NoneType
+from typing import get_args
 
 from mlscli.errors import UsageError, expect, expect_items
-from mlscli.io.source import Source
+from mlscli.geometry.transforms import bare
+from mlscli.geometry.up import UP_AXES
+from mlscli.io.source import Clock, Source
+
+AUTO = "auto"
+"""The value of `up` with which the vertical is searched for."""
 
 
 def check_types(
@@ -40,6 +46,19 @@ def check_types(
     for name, several in numbers.items():
         if several is not None:
             expect_items(several, name, "a sequence of numbers")
+
+
+def check_values(up: str, frame: str | None, time_source: str, pose_gap: float | None) -> None:
+    """Raise `UsageError` where an option is out of range, whatever the sources are."""
+    if up not in (*UP_AXES, AUTO):
+        raise UsageError(f"`up` {up}: expected one of {', '.join(UP_AXES)}, {AUTO}")
+    if frame is not None and not bare(frame):
+        raise UsageError("`frame`: expected the name of the map frame, found nothing")
+    if time_source not in get_args(Clock):
+        expected = ", ".join(get_args(Clock))
+        raise UsageError(f"`time_source` {time_source}: expected one of {expected}")
+    if pose_gap is not None and not pose_gap > 0:
+        raise UsageError(f"`pose_gap` {pose_gap}: expected seconds, more than 0")
 
 
 def check_latest(sources: Sequence[Source], *, cumulative: bool) -> None:

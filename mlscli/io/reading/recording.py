@@ -8,20 +8,18 @@ from dataclasses import dataclass, field, replace
 from numbers import Integral
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mlscli.errors import InputError, UsageError, expect, expect_path
-from mlscli.geometry.transforms import bare
-from mlscli.geometry.up import UP_AXES
 from mlscli.io.clouds.pointarray import PointArray
 from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
 from mlscli.io.reading.formats import open_source
 from mlscli.io.reading.frames import Mounting, listed
 from mlscli.io.reading.glance import Glance
 from mlscli.io.reading.history import Moment
-from mlscli.io.reading.options import check_applies, check_latest, check_types
+from mlscli.io.reading.options import AUTO, check_applies, check_latest, check_types, check_values
 from mlscli.io.reading.placing import Asked, Placing
 from mlscli.io.reading.republished import Republished
 from mlscli.io.reading.selected import last_message, selected
@@ -37,9 +35,6 @@ from mlscli.runtime.arrays import Array, Float64
 
 if TYPE_CHECKING:
     from mlscli.geometry.up import Up
-
-AUTO = "auto"
-"""The value of `up` with which the vertical is searched for."""
 
 _NONE = np.empty((0, 3))
 _TIMELESS = (
@@ -380,15 +375,7 @@ def open_recording(
         expect_path(route, "route", "a trajectory")
     expect(glance, (Glance, NoneType), "glance", "a Glance")
     selection = Selection(start, end, every, crop)
-    if up not in (*UP_AXES, AUTO):
-        raise UsageError(f"`up` {up}: expected one of {', '.join(UP_AXES)}, {AUTO}")
-    if frame is not None and not bare(frame):
-        raise UsageError("`frame`: expected the name of the map frame, found nothing")
-    if time_source not in get_args(Clock):
-        expected = ", ".join(get_args(Clock))
-        raise UsageError(f"`time_source` {time_source}: expected one of {expected}")
-    if pose_gap is not None and not pose_gap > 0:
-        raise UsageError(f"`pose_gap` {pose_gap}: expected seconds, more than 0")
+    check_values(up, frame, time_source, pose_gap)
     if not sources:
         raise UsageError("no source given: expected at least one recording")
     reading = Reading(topic, columns, time_source)

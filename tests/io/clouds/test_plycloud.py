@@ -25,6 +25,7 @@ from mlscli.mesh import build_mesh
 from mlscli.runtime.arrays import Float64
 from tests.helpers.damage import cut, flipped, read_damaged
 from tests.helpers.meshes import house, open3d
+from tests.helpers.plys import ply
 
 # The names of the format's description, and those that writers added, as struct writes them.
 TYPES = {
@@ -39,11 +40,6 @@ COUNTS = [name for name, code in TYPES.items() if code in "bBhHiI"]
 def read(path: Path) -> tuple[list[Any], list[str]]:
     source = PlyCloud(path)
     return [cloud.points.tolist() for cloud in source.clouds()], list(source.losses)
-
-
-def ply(encoding: str, *header: str, body: bytes, ending: str = "\n") -> bytes:
-    lines = ["ply", f"format {encoding} 1.0", *header, "end_header", ""]
-    return ending.join(lines).encode() + body
 
 
 XYZ = ["property float x", "property float y", "property float z"]
@@ -196,49 +192,6 @@ def test_the_building_comes_number_by_number(shared_data: Path) -> None:
 
     assert clouds == [[[float(word) for word in row.split()[:3]] for row in rows]]
     assert losses == []
-
-
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_halves_that_are_declared_ushort_are_read_as_halves(tmp_path: Path, order: str) -> None:
-    points = np.random.default_rng(3).uniform(-9, 9, (100, 3)).astype(f"{order}f2")
-    path = tmp_path / "a.ply"
-    header = ["element vertex 100", *(f"property ushort {axis}" for axis in "xyz")]
-    name = "little" if order == "<" else "big"
-    path.write_bytes(ply(f"binary_{name}_endian", *header, body=points.tobytes()))
-    source = PlyCloud(path)
-
-    (cloud,) = source.clouds()
-
-    assert cloud.points.tolist() == points.astype(float).tolist()
-    assert "hold halves" in source.notes[0]
-
-
-@pytest.mark.parametrize(("stated", "order"), [("big", "<"), ("little", ">")])
-@pytest.mark.parametrize("type_", ["float", "double", "short"])
-def test_the_data_decide_against_the_header_in_which_order_bytes_stand(
-    tmp_path: Path, stated: str, order: str, type_: str
-) -> None:
-    # As a scanner goes along, in millimetres.
-    points = np.rint(np.cumsum(random_points(), axis=0))
-    code = {"float": "f4", "double": "f8", "short": "i2"}[type_]
-    body = points.astype(f"{order}{code}").tobytes()
-    path = tmp_path / "a.ply"
-    header = ["element vertex 500", *(f"property {type_} {axis}" for axis in "xyz")]
-    path.write_bytes(ply(f"binary_{stated}_endian", *header, body=body))
-    source = PlyCloud(path)
-    (cloud,) = source.clouds()
-    assert cloud.points.tolist() == points.astype(code).tolist()
-    assert list(source.notes) == [
-        f"{path}: its header says binary_{stated}_endian, but its numbers are "
-        f"{'little' if stated == 'big' else 'big'}-endian, and are read so"
-    ]
-    path.write_bytes(
-        ply(f"binary_{'little' if order == '<' else 'big'}_endian", *header, body=body)
-    )
-    right = PlyCloud(path)
-    (cloud,) = right.clouds()
-    assert cloud.points.tolist() == points.astype(code).tolist()
-    assert list(right.notes) == []
 
 
 def random_points(count: int = 500) -> Float64:
