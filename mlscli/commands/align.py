@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import as_json, overwrite
+from mlscli.commands.options import as_json, overwrite, tell
 from mlscli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -91,7 +92,10 @@ def command(
                 write_map(output, moved, overwrite=overwrite)
     except (InputError, UsageError) as error:
         raise type(error)(f"{other} onto {one}: {error}") from None
-    click.echo(json.dumps(told, indent=2) if as_json else _text(one, other, found, first, second))
+    if as_json:
+        click.echo(json.dumps(told, indent=2))
+    else:
+        tell(_text(one, other, found, first, second))
 
 
 def _text(one: str, other: str, found: Alignment, first: SurfaceMap, second: SurfaceMap) -> str:
@@ -99,7 +103,7 @@ def _text(one: str, other: str, found: Alignment, first: SurfaceMap, second: Sur
     x, y, z = fit.shift
     cells = f"{found.rms / first.cell_size:.2g} of its cells"
     grid = " ".join(f"--set map.{name}={value!r}" for name, value in _lengths(first).items())
-    sources = " ".join(map(str, second.meta.get("sources", []))) or "SOURCE"
+    sources = shlex.join(map(str, second.meta.get("sources", []))) or "SOURCE"
     rows = [
         ("yaw", f"{math.degrees(fit.yaw):.3f} degrees"),
         ("scale", f"{fit.scale:.6g}"),

@@ -19,7 +19,7 @@ from mlscli.commands.options import (
     tell,
 )
 from mlscli.commands.progress import ProgressBar
-from mlscli.commands.reading import FormatsInHelp, read_points, reading
+from mlscli.commands.reading import FormatsInHelp, files_named, read_points, reading
 from mlscli.words import some
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def command(
     parameters = load(config, settings)
     for target in (output, plot):
         if target is not None:
-            inputs = filter(None, (*clouds, config, compare, selection["route"]))
+            inputs = filter(None, (*clouds, config, compare, *files_named(selection)))
             refuse_existing(target, overwrite=overwrite, sources=inputs)
     lost = False
     if sizes is not None:

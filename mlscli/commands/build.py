@@ -14,7 +14,7 @@ import click
 from mlscli.commands import dryrun, report
 from mlscli.commands.options import PARTLY_READ, Size, as_json, configured, overwrite, say, tell
 from mlscli.commands.progress import ProgressBar
-from mlscli.commands.reading import FormatsInHelp, reading
+from mlscli.commands.reading import FormatsInHelp, files_named, reading
 from mlscli.errors import UsageError
 from mlscli.words import some
 
@@ -135,7 +135,7 @@ def command(
     target = output or default_output(sources[0])
     if Path(target).suffix.lower() in _NO_MAPS:
         raise UsageError(f"{target}: a map is a .npz file; mls export makes others of it")
-    inputs = [*sources, *filter(None, (config, selection["route"]))]
+    inputs = [*sources, *files_named(selection), *filter(None, (config,))]
     refuse_existing(target, overwrite=overwrite, sources=inputs)
     if replay is not None:
         if is_same(replay, target):

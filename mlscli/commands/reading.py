@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -151,6 +151,11 @@ def reading(command: Command) -> Command:
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def files_named(selection: Mapping[str, Any]) -> list[str]:
+    """Return the files that options of `reading` name, which are never replaced."""
+    return [selection[name] for name in ("route", "transform") if selection[name] is not None]
 
 
 def read_points(recording: Recording) -> Float64:

@@ -21,7 +21,7 @@ from mlscli.commands.options import (
     say,
     tell,
 )
-from mlscli.commands.reading import FormatsInHelp, Numbers, read_points, reading
+from mlscli.commands.reading import FormatsInHelp, Numbers, files_named, read_points, reading
 from mlscli.errors import UsageError, with_options
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ def command(
         "seed": seed,
         "visibility": not all_points,
     }
-    inputs = (*clouds, *filter(None, (file, legs, selection["route"])))
+    inputs = (*clouds, *files_named(selection), *filter(None, (file, legs)))
     written = _Output(output, sensor_frame, overwrite, inputs)
     if clouds:
         if all_points and features is not None:

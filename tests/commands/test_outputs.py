@@ -19,6 +19,7 @@ from tests.helpers.maps import Patch, map_of
 
 CASES = {
     "a map's route": "build a.txt --route tum.npz -o again/tum.npz",
+    "a map's transform": "build a.txt --transform onto.npz -o again/onto.npz",
     "a map's configuration": "build a.txt -c p.npz -o again/p.npz",
     "a source under another name": "build a.txt b.npz -o again/b.npz",
     "the replay's source": "build a.txt b.npz --replay again/b.npz",
@@ -28,6 +29,7 @@ CASES = {
     "points of a page": "view b.npz --points a.html --html again/a.html",
     "another map of a picture": "plot b.npz --compare a.png -o again/a.png",
     "the path of a craft": "clearance b.npz --craft 1,1 --path a.mcap --mcap again/a.mcap",
+    "a map to align": "align b.npz c.npz -o again/c.npz",
     "maps to merge": "merge b.npz c.npz -o again/c.npz",
 }
 

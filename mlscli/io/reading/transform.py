@@ -13,6 +13,7 @@ import numpy as np
 
 from mlscli.errors import InputError, UsageError, expect
 from mlscli.geometry.similarity import Similarity
+from mlscli.io.files import read_input
 from mlscli.maps.recorded import TURN, turn_of, turns_apart
 from mlscli.runtime.arrays import Array, Float64
 
@@ -108,7 +109,7 @@ def read_transform(source: str | os.PathLike[str] | Mapping[str, Any]) -> Transf
         return _checked(source, "`transform`")
     path = Path(source)
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        held = json.loads(read_input(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (ValueError, RecursionError) as error:

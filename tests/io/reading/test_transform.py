@@ -7,6 +7,7 @@ up; to forget with which transform the recording was read, so it is read again f
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -93,4 +94,10 @@ def test_a_file_that_holds_no_transform_is_refused(tmp_path: Path, held: str, fa
 
 def test_a_file_that_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"onto\.json: cannot be read: No such file"):
+        open_recording(np.ones((3, 3)), transform=tmp_path / "onto.json")
+
+
+def test_a_file_that_is_none_is_refused_without_waiting(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "onto.json")
+    with pytest.raises(InputError, match=r"onto\.json: is a FIFO"):
         open_recording(np.ones((3, 3)), transform=tmp_path / "onto.json")
