@@ -10,6 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 import click
 import numpy as np
@@ -26,10 +27,41 @@ MOMENTS = (0.3, 0.6, 0.95)
 MEGA = 10**6
 
 
+class Replayed(NamedTuple):
+    """A replay, measured.
+
+    Attributes
+    ----------
+    states, patches : int
+        How many states it tells, and the patches of the last one.
+    size, held : int
+        Bytes of the file, and of its messages.
+    jump : float
+        Seconds until all that a viewer shows of a moment is found.
+    """
+
+    states: int
+    patches: int
+    size: int
+    held: int
+    jump: float
+
+
 @click.command(help=__doc__)
 @click.option("--size", default=14, show_default=True, help="Houses along each side.")
 def main(size: int) -> None:
     """Build the map of the village with a replay, and print a table."""
+    found = measured(size)
+    print("| states | patches in the end | file | its messages | a jump |")  # noqa: T201
+    print("|--:|--:|--:|--:|--:|")  # noqa: T201
+    print(  # noqa: T201
+        f"| {found.states:,} | {found.patches:,} | {found.size / MEGA:.1f} MB "
+        f"| {found.held / MEGA:,.0f} MB | {found.jump:.1f} s |"
+    )
+
+
+def measured(size: int) -> Replayed:
+    """Build the map of the village, so many houses along each side, with a replay."""
     keyframes = fly(make("village", size=size), 0.1, seed=0).keyframes
     points = np.concatenate([keyframe.points for keyframe in keyframes])
     parameters = mlscli.Parameters().with_cell_size(auto_cell_size(points))
@@ -55,12 +87,7 @@ def main(size: int) -> None:
             held = sum(chunk.uncompressed_size for chunk in chunks)
             begin, end = statistics.message_start_time, statistics.message_end_time
             jumps = [jump(reader, begin + int(part * (end - begin))) for part in MOMENTS]
-        print("| states | patches in the end | file | its messages | a jump |")  # noqa: T201
-        print("|--:|--:|--:|--:|--:|")  # noqa: T201
-        print(  # noqa: T201
-            f"| {states:,} | {surface.size:,} | {path.stat().st_size / MEGA:.1f} MB "
-            f"| {held / MEGA:,.0f} MB | {median(jumps):.1f} s |"
-        )
+        return Replayed(states, surface.size, path.stat().st_size, held, median(jumps))
 
 
 def jump(reader: McapReader, moment: int) -> float:

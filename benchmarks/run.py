@@ -25,9 +25,16 @@ TOPICS = {
     "meshes": "Meshes and their files",
     "exports": "What planners read",
     "reading": "Bags to points",
+    "clouds": "Files of points to keyframes",
     "plausibility": "What plausibility costs of reading",
+    "sizes": "Sizes of cells",
     "commands": "Whole commands",
+    "memory": "Memory of builds",
+    "replays": "Replays",
+    "pages": "Pages",
 }
+SLOW = ("memory", "replays", "pages")
+"""Topics that take a minute or more each: only where they are chosen, or with ``--slow``."""
 
 
 def rows(topic: str, timer: Timer) -> Iterator[Row]:
@@ -42,21 +49,23 @@ def rows(topic: str, timer: Timer) -> Iterator[Row]:
 )
 @click.option("--repeats", type=click.IntRange(min=1), default=3, show_default=True)
 @click.option("--cpu", is_flag=True, help="Measure CPU time, of all threads, not wall time.")
+@click.option("--slow", is_flag=True, help="Measure what takes minutes, too.")
 @click.option("--short", is_flag=True, help="Print one table of the rows that the README shows.")
-def main(topics: tuple[str, ...], repeats: int, cpu: bool, short: bool) -> None:
+def main(topics: tuple[str, ...], repeats: int, cpu: bool, slow: bool, short: bool) -> None:
     """Print the tables."""
-    timer = Timer(repeats, cpu)
+    timer = Timer(repeats, cpu, slow)
+    topics = topics or tuple(topic for topic in TOPICS if slow or topic not in SLOW)
     if short:
         chosen = (
             row.short_cells(f"python -m benchmarks.run --topic {topic}")
-            for topic in topics or TOPICS
+            for topic in topics
             for row in rows(topic, timer)
             if row.short
         )
         for line in lines(SHORT_HEAD, chosen):
             click.echo(line)
         return
-    for topic in ("machine", *(topic for topic in topics or TOPICS if topic != "machine")):
+    for topic in ("machine", *(topic for topic in topics if topic != "machine")):
         click.echo(f"\n### {TOPICS[topic]}\n")
         for line in lines(HEAD, (row.cells() for row in rows(topic, timer))):
             click.echo(line)

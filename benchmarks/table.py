@@ -116,10 +116,13 @@ class Timer(NamedTuple):
     cpu : bool
         Whether to measure CPU time of all threads, for a machine that others use; otherwise wall
         time.
+    slow : bool
+        Whether to measure as much as the levels speak of, where that takes minutes.
     """
 
     repeats: int = 3
     cpu: bool = False
+    slow: bool = False
 
     def seconds(self, *works: Work) -> list[float]:
         """Return how long (s) each work takes; they take turns, the first not measured."""

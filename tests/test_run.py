@@ -101,6 +101,22 @@ def test_every_row_of_a_topic_is_printed_and_the_short_form_has_those_chosen(
         assert printed[-1] == "| other | 12,346 M/s |  |  |  |  |  |"
 
 
+@pytest.mark.parametrize("slow", [False, True])
+def test_what_takes_minutes_is_measured_where_it_is_asked_for(
+    slow: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured: list[str] = []
+
+    def rows(topic: str, timer: Timer) -> Iterator[Row]:
+        measured.append(topic)
+        assert timer.slow is slow
+        return iter(())
+
+    monkeypatch.setattr(run, "rows", rows)
+    CliRunner().invoke(run.main, ["--slow"] if slow else [], catch_exceptions=False)
+    assert set(run.TOPICS) - set(measured) == (set() if slow else set(run.SLOW))
+
+
 def test_every_topic_has_its_module() -> None:
     folder = Path(run.__file__).parent / "topics"
     assert {path.stem for path in folder.glob("*.py")} == set(run.TOPICS)
@@ -119,6 +135,6 @@ def test_the_readme_shows_what_the_short_form_prints() -> None:
         known = re.fullmatch(r"`python -m benchmarks\.run --topic (\w+)`", command)
         assert known
         topics.add(known[1])
-    not_shown = {"exports", "machine", "meshes", "plausibility", "queries", "reading"}
-    assert topics == set(run.TOPICS) - not_shown
+    not_shown = {"clouds", "exports", "machine", "meshes", "plausibility", "queries", "reading"}
+    assert topics == set(run.TOPICS) - not_shown - {"sizes", *run.SLOW}
     assert len(HEAD) == len(Row("", 1.0, "").cells())

@@ -39,11 +39,11 @@ def rows(timer: Timer) -> Iterator[Row]:
         yield Row(f"`mls build` of a bag of {size:,} points", spent, "s")
     what = f"`mls build` of a bag of {LARGEST:,} points: times the sum of its parts"
     to_parts = median(run.seconds / _parts(run) for run in runs[-1])
-    yield Row(what, to_parts, "", most=1.3, short=True)
+    yield Row(what, to_parts, "", most=1.05, short=True)
     # The memory of the program itself is that of a build of a small bag.
     least, most = (median(run.peak for run in runs[at]) for at in (1, -1))
     what = "peak memory of that build, above the program itself: bytes a point"
-    yield Row(what, (most - least) / (LARGEST - SIZES[0]), "", most=100.0, short=True)
+    yield Row(what, (most - least) / (LARGEST - SIZES[0]), "", most=80.0, short=True)
     measured_by = ["--cpu"] if timer.cpu else []
     output = ran([sys.executable, "-m", "benchmarks.compiling", *measured_by]).output
     compiling, kernels, *unused = output.splitlines()[-1].split()

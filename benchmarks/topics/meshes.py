@@ -7,10 +7,13 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.clouds import plain
 from benchmarks.table import Row, Timer, Work
 from mlscli.io.writing.obj import write_obj
 from mlscli.io.writing.ply import write_ply
+from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import Mesh, build_mesh
 
 SIDE = 700
@@ -22,8 +25,11 @@ def rows(timer: Timer) -> Iterator[Row]:
     """Yield the rates at which a mesh is built and written; mls waits until files are on disk."""
     surface = plain(SIDE)
     mesh = build_mesh(surface)
-    (built,) = timer.rates(surface.size, partial(build_mesh, surface))
-    yield Row(f"mesh of {surface.size:,} patches", built, "M patches/s")
+    built, delaunay = timer.rates(
+        surface.size, partial(build_mesh, surface), partial(triangulated, surface)
+    )
+    what = f"mesh of {surface.size:,} patches"
+    yield Row(what, built, "M patches/s", "scipy's Delaunay", delaunay, least=8)
     others = _others(mesh)
     with tempfile.TemporaryDirectory() as folder:
         for kind, write in (("ply", write_ply), ("obj", write_obj)):
@@ -35,7 +41,19 @@ def rows(timer: Timer) -> Iterator[Row]:
             ours, *theirs = timer.rates(len(mesh.vertices), *works)
             what = f"{kind.upper()} of {len(mesh.vertices):,} vertices"
             for name, rate in zip(others, theirs, strict=True):
-                yield Row(what, ours, "M vertices/s", name, rate)
+                times = 1.2 if (kind, name) == ("ply", "trimesh") else None
+                yield Row(what, ours, "M vertices/s", name, rate, times)
+            sizes = {name: Path(folder, f"{name}.{kind}").stat().st_size for name in others}
+            own = Path(folder, f"mls.{kind}").stat().st_size
+            for name, size in sizes.items():
+                yield Row(f"{what}: on disk", own / 1e6, "MB", name, size / 1e6)
+
+
+def triangulated(surface: SurfaceMap) -> object:
+    """Triangulate the middles of patches in x and y, as one does with a cloud of one level."""
+    from scipy.spatial import Delaunay
+
+    return Delaunay(np.column_stack((surface.ix, surface.iy)) * surface.cell_size).simplices
 
 
 def _others(mesh: Mesh) -> dict[str, Writer]:

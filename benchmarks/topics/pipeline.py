@@ -28,7 +28,7 @@ def rows(timer: Timer) -> Iterator[Row]:
         yield Row(f"one pass over {size:,} points", size / seconds[-1] / 1e6, "M points/s")
     power = float(np.polyfit(np.log(SIZES), np.log(seconds), 1)[0])
     what = f"time of one pass, {SIZES[0]:,} to {SIZES[-1]:,} points: exponent"
-    yield Row(what, power, "", most=1.1, short=True)
+    yield Row(what, power, "", most=1.04, short=True)
 
 
 def build(xyz: Float64, parameters: Parameters) -> None:

@@ -18,19 +18,28 @@ from statistics import median
 from typing import Any
 from unittest.mock import patch
 
-import laspy
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from benchmarks.cloud_files import (
+    STEP,
+    pcd_file,
+    ply_head,
+    survey,
+    write_binary,
+    write_las,
+    write_text,
+)
 from benchmarks.table import Row, Timer
 from benchmarks.topics import reading
 from mlscli import open_recording
 from mlscli.io.plausibility.finding import Finding, right
 from mlscli.runtime.arrays import Float64
-from tests.helpers.pcds import encoded, pcd
+from tests.helpers.pcds import encoded
 
-POINTS, LINES, STEP = 1_000_000, 300_000, 0.01
+POINTS, LINES = 1_000_000, 300_000
+LITTLE = "binary_little_endian"
 SCANS, BEAMS = 5_000, 1_080
 _BAGS = {"bag of ROS 1": "ROS 1", "bag of ROS 2": "ROS 2 (SQLite)", "MCAP": "MCAP"}
 
@@ -102,53 +111,16 @@ STAND_INS: dict[str, Callable[..., Any]] = {
 """What takes the place of each check."""
 
 
-def _cloud(count: int) -> Float64:
-    """Return hills in UTM coordinates, rounded as survey data are, in float64 (N, 3)."""
-    rng = np.random.default_rng(1)
-    x, y = rng.uniform(0, 400, (2, count))
-    z = 300 + 20 * np.sin(x / 70) * np.cos(y / 90) + rng.normal(0, 0.05, count)
-    points = np.column_stack((512_000 + x, 5_400_000 + y, z))
-    return np.asarray(np.round(points / STEP) * STEP)
-
-
-def _text(path: Path, head: str, separator: str = " ", rest: str = "") -> None:
-    lines = (separator.join(f"{v:.2f}" for v in row) + rest for row in _cloud(LINES).tolist())
-    path.write_text(head + "\n".join(lines) + "\n", "ascii")
-
-
-def _binary(path: Path, head: bytes) -> None:
-    path.write_bytes(head + _cloud(POINTS).astype("<f8").tobytes())
-
-
-def _ply(form: str, type_: str, count: int) -> str:
-    properties = "".join(f"property {type_} {axis}\n" for axis in "xyz")
-    return f"ply\nformat {form} 1.0\nelement vertex {count}\n{properties}end_header\n"
-
-
-def _pcd(form: str, count: int, body: bytes = b"", size: int = 8) -> bytes:
-    return pcd(form, body, SIZE=f"{size} {size} {size}", WIDTH=count, POINTS=count)
-
-
 def _compressed(path: Path, *, voxel: float = STEP) -> None:
     """Write points in the order in which they came, or the centres of their voxels in rows."""
-    points = _cloud(POINTS)
+    points = survey(POINTS)
     if voxel > STEP:
         points = np.round((points - points.min(axis=0)) / voxel) * voxel
         points = points[np.lexsort(points.T[:2])]
     plain = points.astype("<f4").T.tobytes()
     body = encoded(plain, 13, 1, 1)
     packed = struct.pack("<II", len(body), len(plain)) + body
-    path.write_bytes(_pcd("binary_compressed", POINTS, packed, 4))
-
-
-def _las(path: Path, *, compress: bool) -> None:
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    points = _cloud(POINTS)
-    header.scales, header.offsets = np.full(3, STEP), np.floor(points.min(axis=0))
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = points.T
-    with path.open("wb") as file:
-        las.write(file, do_compress=compress, laz_backend=laspy.LazBackend.Lazrs)
+    path.write_bytes(pcd_file("binary_compressed", POINTS, packed, 4))
 
 
 def _scans(path: Path) -> None:
@@ -172,22 +144,25 @@ def _scans(path: Path) -> None:
 
 
 FORMATS: dict[str, Callable[[Path], None]] = {
-    "text": partial(_text, head=""),
-    "text with a header": partial(_text, head="x,y,z,t\n", separator=",", rest=",1.5"),
-    "PTS": partial(_text, head=f"{LINES}\n"),
+    "text": partial(write_text, count=LINES),
+    "text with a header": partial(
+        write_text, count=LINES, head="x,y,z,t\n", separator=",", rest=",1.5"
+    ),
+    "PTS": partial(write_text, count=LINES, head=f"{LINES}\n"),
     "PTX": partial(
-        _text,
+        write_text,
+        count=LINES,
         head=f"{LINES}\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
         rest=" 0.5",
     ),
-    "PLY of text": partial(_text, head=_ply("ascii", "double", LINES)),
-    "PLY": partial(_binary, head=_ply("binary_little_endian", "double", POINTS).encode()),
-    "PCD of text": partial(_text, head=_pcd("ascii", LINES).decode()),
-    "PCD": partial(_binary, head=_pcd("binary", POINTS)),
+    "PLY of text": partial(write_text, count=LINES, head=ply_head("ascii", LINES)),
+    "PLY": partial(write_binary, count=POINTS, head=ply_head(LITTLE, POINTS).encode()),
+    "PCD of text": partial(write_text, count=LINES, head=pcd_file("ascii", LINES).decode()),
+    "PCD": partial(write_binary, count=POINTS, head=pcd_file("binary", POINTS)),
     "PCD compressed": _compressed,
     "PCD compressed of voxels": partial(_compressed, voxel=0.25),
-    "LAS": partial(_las, compress=False),
-    "LAZ": partial(_las, compress=True),
+    "LAS": partial(write_las, count=POINTS),
+    "LAZ": partial(write_las, count=POINTS, compress=True),
     **{name: partial(reading.write, kind=kind) for name, kind in _BAGS.items()},
     "laser scans in MCAP": _scans,
 }

@@ -46,7 +46,7 @@ def rows(timer: Timer) -> Iterator[Row]:
         mine, other = (MESSAGES * POINTS / seconds / 1e6 for seconds in times)
         peak, others = (median(most for _, most in each) for each in runs.values())
         what, instead = f"{kind}, {MESSAGES * POINTS:,} points", "rosbags' AnyReader"
-        yield Row(what, mine, "M points/s", instead, other)
+        yield Row(what, mine, "M points/s", instead, other, 0.9)
         yield Row(f"{what}: peak of memory", peak, "MB", instead, others)
 
 
