@@ -272,6 +272,8 @@ def rows_by_first_appearance(labels: Array) -> list[Int64]:
     list of int64 arrays
         Ascending rows of each label; together they hold each row once.
     """
+    if len(labels) and (labels == labels[0]).all():
+        return [np.arange(len(labels))]
     _, first, group = np.unique(labels, return_index=True, return_inverse=True)
     place = np.empty(len(first), dtype=np.int64)
     place[np.argsort(first)] = np.arange(len(first))

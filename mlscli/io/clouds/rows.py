@@ -1,7 +1,8 @@
 """Read the rows of a text as numbers, a block of lines at a time.
 
-A block whose rows are all alike is parsed by numpy, and counting its separators shows that they
-are; of any other the lines are taken one by one.
+A block whose rows are all alike, of simple numbers, is parsed by a kernel (`decimals`). Where it
+finds another number, numpy parses the block, and counting its separators shows that rows are alike;
+of any other block the lines are taken one by one.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple, TextIO
 import numpy as np
 
 from mlscli.io.clouds.columns import Layout
+from mlscli.io.clouds.decimals import read_rows
 from mlscli.io.clouds.dialect import (
     MARKS,
     Dialect,
@@ -181,20 +183,41 @@ def alike(text: str, dialect: Dialect, places: Sequence[int]) -> Float64 | None:
         return None
     if max(places) >= dialect.width:
         return None
-    data = np.frombuffer(text.encode("latin-1", "replace"), dtype=np.uint8)
+    first = text.partition("\n")[0]
+    each = first.count(dialect.separator) if dialect.separator else dialect.width
+    if dialect.separator and len(dialect.fields(first)) != dialect.width:
+        return None
+    values = _decimals(text, dialect, places, each)
+    return _by_numpy(text, dialect, places, each) if values is None else values
+
+
+def _decimals(text: str, dialect: Dialect, places: Sequence[int], each: int) -> Float64 | None:
+    """Parse alike rows of ASCII whose numbers are simple, in a tenth of numpy's time; else None.
+
+    See `alike`; `each` is how many separators stand in a row, or how many words.
+    """
+    if (dialect.separator and each != dialect.width - 1) or len(set(places)) < len(places):
+        return None
+    data = np.frombuffer((text if text.endswith("\n") else text + "\n").encode(), dtype=np.uint8)
+    columns = np.full(dialect.width, -1, dtype=np.int64)
+    columns[list(places)] = np.arange(len(places))
+    values = np.empty((np.count_nonzero(data == _NEWLINE), len(places)))
+    rows = read_rows(data, ord(dialect.separator or "\0"), columns, values)
+    return None if rows < 0 else values[:rows]
+
+
+def _by_numpy(text: str, dialect: Dialect, places: Sequence[int], each: int) -> Float64 | None:
+    """Parse alike rows of ASCII by numpy; see `_decimals`."""
+    data = np.frombuffer(text.encode(), dtype=np.uint8)
     ends = np.flatnonzero(data == _NEWLINE)
     lines = len(ends) + (data[-1:] != _NEWLINE).sum()
     if dialect.separator:
         marks = np.flatnonzero(data == ord(dialect.separator))
-        first = text.partition("\n")[0]
-        each = first.count(dialect.separator)
-        if len(dialect.fields(first)) != dialect.width:
-            return None
     else:
         is_word = data > _BLANK
         begins = is_word.copy()
         begins[1:] &= ~is_word[:-1]
-        marks, each = np.flatnonzero(begins), dialect.width
+        marks = np.flatnonzero(begins)
     if len(marks) != lines * each or not _are_even(marks, ends[: lines - 1], each):
         return None
     try:

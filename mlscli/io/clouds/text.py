@@ -77,7 +77,9 @@ class TextCloud(PointFile):
         ):
             x, y, z = position
             qx, qy, qz, qw = attitude
-            clouds.append(Cloud(xyz[rows], stamp, (x, y, z), attitude=(qx, qy, qz, qw)))
+            # All rows are in order.
+            points = xyz if len(keyframes) == 1 else xyz[rows]
+            clouds.append(Cloud(points, stamp, (x, y, z), attitude=(qx, qy, qz, qw)))
         return Content(clouds, notes, table.losses, stamps)
 
 
@@ -116,6 +118,8 @@ class _Table:
 
     def columns(self, *names: str) -> Float64:
         """Return columns side by side, float64 (N, columns)."""
+        if list(names) == self.names:
+            return self.values
         return np.stack([self.column(name) for name in names], axis=1)
 
 
@@ -202,7 +206,7 @@ class _Parser:
                     after_blank, came = part.ends_blank, came + len(part.values)
                     odd += part.odd
                     yield part
-                line += text.count("\n")
+                line += text.count("\n") if last else 0
         if fault := self._cut(last, came, odd):
             self.losses.append(
                 f"{self.path}:{line}: {fault}; the text seems to be cut there, and 1 row is "
