@@ -111,7 +111,7 @@ def parameters_of(level: Level) -> Parameters:
     """Return the parameters with the pipeline and the mode of a level."""
     given = load(None, [f"mode={level.mode}", f"map.cell_size={CELL}", "median.min_nb=0"])
     if level.pipeline == "median":
-        return replace(given, pipeline=given.pipeline[:1])
+        return replace(given, pipeline=tuple(s for s in given.pipeline if s.name == "median"))
     return given
 
 

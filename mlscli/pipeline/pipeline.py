@@ -47,6 +47,7 @@ class Pipeline:
         Side of a cell, in the unit of the recording.
     report : Report
     point_stages : list of PointStage
+        Those that do anything.
     map_stages : list of MapStage
         Those before the first without a bound to its reach.
     final_stages : list of MapStage
@@ -74,7 +75,7 @@ class Pipeline:
         self.report = report
         self.route = np.empty((0, 4))
         stages = parameters.pipeline
-        self.point_stages = [stage for stage in stages if isinstance(stage, PointStage)]
+        self.point_stages = [s for s in stages if isinstance(s, PointStage) and s.acts]
         map_stages = [stage for stage in stages if isinstance(stage, MapStage)]
         bounded = takewhile(lambda stage: stage.reach(cell_size) is not None, map_stages)
         self.map_stages = list(bounded)

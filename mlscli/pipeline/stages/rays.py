@@ -92,9 +92,14 @@ class Rays(PointStage):
                 f"dropped; at most {self.max_nb}",
             )
 
+    @property
+    def acts(self) -> bool:
+        """Whether depths are known to err."""
+        return self.noise not in ("auto", 0)
+
     def reach(self, cell_size: float) -> int:
         """Return how far neighbours are sought, and how far a point may move, in whole cells."""
-        if self.noise in ("auto", 0):
+        if not self.acts:
             return 0
         depth, radius = in_units(self.depth, cell_size), in_units(self.radius, cell_size)
         # And one more each: points can lie at their cells' edges.
@@ -110,7 +115,7 @@ class Rays(PointStage):
     ) -> Evaluated:
         """Return where points are moved to; see `PointStage.evaluate`."""
         looked = np.zeros(0 if asked is None else points.size)
-        if self.noise in ("auto", 0):
+        if not self.acts:
             return Evaluated(points.xyz, looked, points.noise)
         distance = np.sqrt((points.sight.astype(np.float64) ** 2).sum(axis=1))
         with np.errstate(over="ignore"):

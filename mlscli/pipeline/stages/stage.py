@@ -84,6 +84,11 @@ class Evaluated(NamedTuple):
 class PointStage(Stage):
     """A stage that reads and writes points."""
 
+    @property
+    def acts(self) -> bool:
+        """Whether it does anything with its parameters; if not, it is left out."""
+        return True
+
     @abstractmethod
     def reach(self, cell_size: float) -> int:
         """Return how many cells away from a cell a point can change what is placed there.
