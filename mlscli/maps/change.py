@@ -9,7 +9,7 @@ import numpy as np
 
 from mlscli.maps.cells import CellSet
 from mlscli.maps.grid import Grid
-from mlscli.maps.records import columns_of, counted, records_in, records_of, rows_in, surface_of
+from mlscli.maps.records import columns_of, points_of, records_in, records_of, rows_in, surface_of
 from mlscli.maps.rows import missing
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array, Float64, UInt64
@@ -66,7 +66,7 @@ class Change:
     @property
     def points(self) -> int:
         """How many measured points the map gains; negative where it loses some."""
-        return int(counted(records_in(self.come)) - counted(records_in(self.gone)))
+        return points_of(self.come) - points_of(self.gone)
 
     def applied_to(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the state after, given the state before; the route is not extended."""

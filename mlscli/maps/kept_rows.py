@@ -15,7 +15,7 @@ import numpy as np
 
 from mlscli.maps.cells import CellSet
 from mlscli.maps.rows import alike, copied, note_missing
-from mlscli.maps.strips import IY_BITS, STRIP_BITS, STRIP_CELLS, Strips
+from mlscli.maps.strips import IY_BITS, STRIP_BITS, STRIP_CELLS, Strips, holds
 from mlscli.runtime.arrays import ZERO, Array, Int32, Int64, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
@@ -168,11 +168,6 @@ def _list_all(kept: Kept) -> None:
 
 
 @inner
-def _has(bits: Any, cell: int) -> bool:
-    return bool(bits >> np.uint64(cell) & np.uint64(1) == 1)
-
-
-@inner
 def _run(kept: Kept, strip: int, cell: int) -> tuple[int, int]:
     """Return where the rows of a cell begin, and their number."""
     begin, size = kept.runs[strip, cell]
@@ -186,7 +181,7 @@ def _count(kept: Kept, strips: UInt64, bits: UInt64) -> int:
     for s in range(len(strips)):
         strip = kept.table[_slot(kept, strips[s])]
         for cell in range(STRIP_CELLS if strip >= 0 else 0):
-            if _has(bits[s], cell):
+            if holds(bits[s], np.uint64(cell)):
                 size += kept.runs[strip, cell, 1]
     return size
 
@@ -199,7 +194,7 @@ def _extract(kept: Kept, strips: UInt64, bits: UInt64) -> UInt64:
     for s in range(len(strips)):
         strip = kept.table[_slot(kept, strips[s])]
         for cell in range(STRIP_CELLS if strip >= 0 else 0):
-            if _has(bits[s], cell):
+            if holds(bits[s], np.uint64(cell)):
                 begin, size = _run(kept, strip, cell)
                 to = copied(kept.rows, begin, size, rows, to)
     return rows
@@ -289,7 +284,7 @@ def _replace(
             begin = first
             while first < last and new[first, 0] & np.uint64(STRIP_CELLS - 1) == np.uint64(cell):
                 first += 1
-            if not _has(bits[s], cell):
+            if not holds(bits[s], np.uint64(cell)):
                 continue
             old, size = _run(kept, strip, cell)
             more = first - begin

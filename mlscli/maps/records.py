@@ -68,6 +68,11 @@ def records_in(rows: UInt64) -> Array:
     return rows.view(PATCH).reshape(-1)
 
 
+def points_of(rows: UInt64) -> int:
+    """Return how many measured points rows hold."""
+    return int(counted(records_in(rows)))
+
+
 @kernel
 def counted(records: Any) -> int:
     """Return how many measured points records hold."""

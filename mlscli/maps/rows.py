@@ -8,8 +8,78 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlscli.maps.cells import CellSet
+from mlscli.maps.strips import STRIP_BITS, STRIP_CELLS, Strips, holds
 from mlscli.runtime.arrays import ONE, ZERO, UInt64
 from mlscli.runtime.kernels import inner, kernel
+
+
+def part(rows: UInt64, cells: CellSet) -> UInt64:
+    """Return the rows that lie in `cells`."""
+    inside: UInt64 = _part(rows, *_strips(cells, rows))
+    return inside
+
+
+def with_part(rows: UInt64, cells: CellSet, others: UInt64) -> UInt64:
+    """Return rows with those in `cells` replaced by those of `others` that lie in them."""
+    both: UInt64 = _with_part(rows, others, *_strips(cells, rows, others))
+    return both
+
+
+def _strips(cells: CellSet, *rows: UInt64) -> Strips:
+    """Return a set as strips; where it has too many, only those with rows."""
+    strips = cells.strips(most=STRIP_CELLS * sum(map(len, rows)))
+    if strips is None:
+        numbers = np.concatenate([each[:, 0] for each in rows]) >> np.uint64(STRIP_BITS)
+        strips = cells.strips_among(np.unique(numbers))
+    return strips
+
+
+@kernel
+def _part(rows: UInt64, number: UInt64, bits: UInt64) -> UInt64:
+    inside = np.empty_like(rows)
+    size = i = ZERO
+    for s in range(len(number)):
+        while i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) < number[s]:
+            i += 1
+        # Many rows at once are copied in half the time.
+        first = i
+        while i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) == number[s]:
+            if not holds(bits[s], rows[i, 0]):
+                size = copied(rows, first, i - first, inside, size)
+                first = i + 1
+            i += 1
+        size = copied(rows, first, i - first, inside, size)
+    return inside[:size]
+
+
+@kernel
+def _with_part(rows: UInt64, others: UInt64, number: UInt64, bits: UInt64) -> UInt64:
+    both = np.empty((len(rows) + len(others), rows.shape[1]), dtype=np.uint64)
+    size = i = j = ZERO
+    for s in range(len(number)):
+        first = i
+        while i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) < number[s]:
+            i += 1
+        size = copied(rows, first, i - first, both, size)
+        while j < len(others) and others[j, 0] >> np.uint64(STRIP_BITS) < number[s]:
+            j += 1
+        # In a cell either the ones stay or the others.
+        while True:
+            one = i < len(rows) and rows[i, 0] >> np.uint64(STRIP_BITS) == number[s]
+            other = j < len(others) and others[j, 0] >> np.uint64(STRIP_BITS) == number[s]
+            if one and not (other and others[j, 0] < rows[i, 0]):
+                if not holds(bits[s], rows[i, 0]):
+                    size = copied(rows, i, ONE, both, size)
+                i += 1
+            elif other:
+                if holds(bits[s], others[j, 0]):
+                    size = copied(others, j, ONE, both, size)
+                j += 1
+            else:
+                break
+    size = copied(rows, i, len(rows) - i, both, size)
+    return both[:size]
 
 
 @inner

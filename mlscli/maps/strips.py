@@ -6,11 +6,11 @@ strips and the bits of their cells, as in `Strips`.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlscli.runtime.arrays import ZERO, UInt64
+from mlscli.runtime.arrays import ONE, ZERO, UInt64
 from mlscli.runtime.kernels import inner, kernel
 
 # A strip has 2**5 cells: a few more than a batch of a sparse cloud touches in a column.
@@ -37,6 +37,12 @@ class Strips(NamedTuple):
     bits: UInt64
 
 
+@inner
+def holds(bits: Any, cell: Any) -> bool:
+    """Return whether a cell, given by its packed key or its place, is among those of its strip."""
+    return bool(bits >> (cell & np.uint64(STRIP_CELLS - 1)) & np.uint64(1) == 1)
+
+
 @kernel
 def strips_of(cells: UInt64) -> tuple[UInt64, UInt64]:
     """Return the strips of cells, whose packed keys ascend and may repeat."""
@@ -57,14 +63,14 @@ def widened(number: UInt64, bits: UInt64, reach: int) -> tuple[UInt64, UInt64]:
 
     The set is widened in steps: each adds copies of it, moved to both sides. A step is at most one
     cell longer than the set was widened before: a longer one would leave a hole at an edge of the
-    grid, where one copy may be lost.
+    grid, where one copy may be lost. Along columns first, which makes few strips more.
     """
-    covered = ZERO
-    while covered < reach:
-        step = min(covered + 1, reach - covered)
-        number, bits = _spread(number, bits, step, ZERO)
-        number, bits = _spread(number, bits, ZERO, step)
-        covered += step
+    for across in (ZERO, ONE):
+        covered = ZERO
+        while covered < reach:
+            step = min(covered + 1, reach - covered)
+            number, bits = _spread(number, bits, step * across, step * (1 - across))
+            covered += step
     return number, bits
 
 

@@ -17,7 +17,8 @@ from mlscli.maps.change import Change
 from mlscli.maps.kept_map import KeptMap
 from mlscli.maps.kept_rows import KeptRows
 from mlscli.maps.merging import with_measured
-from mlscli.maps.records import records_of
+from mlscli.maps.records import points_of, records_in, records_of, rows_in, surface_of
+from mlscli.maps.rows import part, with_part
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.filtering import FilteredPoints, kept
 from mlscli.pipeline.line_counts import LineCounts
@@ -160,20 +161,20 @@ class SequentialMap:
         new = records_of(pipeline.group_points(filtered))
         changed = CellSet.of_keys(new["cell"])
         reaches = [stage.reach(pipeline.cell_size) or 0 for stage in pipeline.map_stages]
-        widest = changed.widened(max(reaches, default=0))
-        before = kept.records(widest)
+        farthest = max(reaches, default=0)
+        # All that any stage reads; it goes back into the map when the last one is done.
+        rows = rows_in(kept.records(changed.widened(2 * farthest)))
         with pipeline.report.timed("merge"):
-            there = kept.records(changed) if pipeline.map_stages else before
-            change = kept.replace(changed, with_measured(there, new, pipeline.grid))
+            there = records_in(part(rows, changed))
+            rows = with_part(rows, changed, rows_in(with_measured(there, new, pipeline.grid)))
         for stage, reach in zip(pipeline.map_stages, reaches, strict=True):
             cells = changed.widened(reach)
-            source = kept.extract(cells.widened(reach))
+            source = surface_of(records_in(part(rows, cells.widened(reach))), pipeline.grid)
             after = pipeline.run_stage(stage, source, sights=sights)
-            pipeline.report.drop(stage.name, -kept.replace(cells, after).points)
-        if pipeline.map_stages:
-            # What one stage changes, the next may change back.
-            change = Change.between(before, kept.records(widest), pipeline.grid)
-        return change
+            if after is not source:
+                before, rows = rows, with_part(rows, cells, rows_in(records_of(after)))
+                pipeline.report.drop(stage.name, points_of(before) - points_of(rows))
+        return kept.replace(changed.widened(farthest), records_in(rows))
 
     def whole(self) -> SurfaceMap:
         """Return the map so far."""

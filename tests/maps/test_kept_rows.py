@@ -20,6 +20,8 @@ from hypothesis import strategies as st
 from mlscli.maps.cells import LEAST_INDEX, CellSet, unpack
 from mlscli.maps.kept_map import KeptMap
 from mlscli.maps.kept_rows import KeptRows
+from mlscli.maps.records import records_of, rows_in
+from mlscli.maps.rows import part, with_part
 from mlscli.maps.strips import STRIP_CELLS
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import UInt64
@@ -48,12 +50,16 @@ def test_areas_are_replaced_as_in_a_whole_map(seed: int) -> None:
         centres = rng.integers(-6, 7, (2, 2)) * SIDE // 2
         cells = CellSet.of(*centres).widened(int(rng.choice([0, 3, 40, 10**6])))
         assert kept.extract(cells) == surface.in_cells(cells)
+        rows = rows_in(records_of(surface))
+        assert part(rows, cells).tobytes() == records_of(surface.in_cells(cells)).tobytes()
         new = scattered(rng)
         if rng.random() < 0.3:
             new = new.take(np.arange(0))
         # What lies elsewhere is left out.
         change = kept.replace(cells, new)
         assert change.applied_to(surface) == surface.replace(cells, new)
+        replaced = with_part(rows, cells, rows_in(records_of(new)))
+        assert replaced.tobytes() == records_of(surface.replace(cells, new)).tobytes()
         surface = surface.replace(cells, new)
         assert kept.whole() == surface
 
