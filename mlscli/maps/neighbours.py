@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from mlscli.runtime.arrays import ZERO, Int32, Int64
+from mlscli.runtime.arrays import Int32, Int64
 from mlscli.runtime.kernels import inner, kernel
 
 Index = int | np.int64
 
-# Up to this many lines per cell, a table of all lines is worth its memory.
-_DENSE = 4
+# Up to this many rows per cell, and some, a table of all rows is worth its memory.
+_DENSE, _FEW_ROWS = 4, 256
 
 
 @kernel
@@ -70,42 +72,44 @@ def beside(ix: Int32, iy: Int32) -> Int64:
     return four
 
 
-def links(line: Int32) -> tuple[Int32, Int32]:
-    """Return for each cell the next one of its line and the one before, int32 (C,); -1: none.
+def links(ix: Int32, iy: Int32) -> Sequence[Int32]:
+    """Return for each cell the next of its column, the one before, and both of its row; -1: none.
 
     Parameters
     ----------
-    line : int32 (C,)
-        The line of the grid in which each cell lies: its `ix` or its `iy`. The cells of a line are
-        in order.
+    ix, iy : int32 (C,)
+        The cells, ascending by (ix, iy).
+
+    Returns
+    -------
+    four int32 (C,)
+        The numbers of the cells at greater and at less iy, at greater and at less ix.
     """
-    least, greatest = _ends(line)
-    if greatest - least > _DENSE * len(line):
-        # Far apart: only the lines that hold cells are numbered.
-        line = np.unique(line, return_inverse=True)[1].astype(np.int32)
-        least, greatest = 0, len(line)
-    after, before = _links(line, least, greatest - least + 1)
-    return after, before
+    found: Sequence[Int32] = _links(ix, iy)
+    if len(found[0]) < len(ix):
+        # Far apart: only the rows that hold cells are numbered.
+        found = _links(ix, np.unique(iy, return_inverse=True)[1].astype(np.int32))
+    return found
 
 
 @kernel
-def _ends(line: Int32) -> tuple[int, int]:
-    """Return the least and the greatest line, or 0 where that is less or more."""
-    least = greatest = ZERO
-    for number in line:
-        least, greatest = min(least, number), max(greatest, number)
-    return least, greatest
-
-
-@kernel
-def _links(line: Int32, least: int, lines: int) -> tuple[Int32, Int32]:
+def _links(ix: Int32, iy: Int32) -> tuple[Int32, Int32, Int32, Int32]:
+    """Return what `links` does; nothing where rows lie too far apart for a table of all."""
+    least = greatest = iy[0] if len(iy) else np.int32(0)
+    for row in iy:
+        least, greatest = min(least, row), max(greatest, row)
+    rows = np.int64(greatest) - least + 1
+    size = len(ix) if rows <= _DENSE * len(ix) + _FEW_ROWS else 0
     # Only in maps of 100 GB does the number of a cell need more than 4 bytes.
-    after, before = np.empty(len(line), dtype=np.int32), np.empty(len(line), dtype=np.int32)
-    last = np.full(lines, -1, dtype=np.int32)
-    for cell in range(len(line)):
-        number = line[cell] - least
-        before[cell], after[cell] = last[number], -1
-        if last[number] >= 0:
-            after[last[number]] = cell
-        last[number] = cell
-    return after, before
+    last = np.full(rows if size else 0, -1, dtype=np.int32)
+    after, before = np.full(size, -1, dtype=np.int32), np.full(size, -1, dtype=np.int32)
+    after_in_row, before_in_row = np.full(size, -1, dtype=np.int32), np.empty(size, dtype=np.int32)
+    for cell in range(size):
+        if cell > 0 and ix[cell] == ix[cell - 1]:
+            before[cell], after[cell - 1] = cell - 1, cell
+        row = np.int64(iy[cell]) - least
+        before_in_row[cell] = last[row]
+        if last[row] >= 0:
+            after_in_row[last[row]] = cell
+        last[row] = cell
+    return after, before, after_in_row, before_in_row

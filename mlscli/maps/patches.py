@@ -50,8 +50,12 @@ def reach_beyond(height: Float64, depth: Float64, top: Float64, bottom: Float64)
     These are patches whose ``[height - depth, height]`` leaves ``[bottom, top]`` by more than the
     rounding of that difference. Those without points, where top and bottom are NaN, are not.
     """
-    rounding = 4 * np.spacing(np.maximum(np.abs(top), np.abs(bottom)))
-    beyond: Bool = (height > top) | (height - depth < bottom - rounding)
+    beyond: Bool = height > top
+    low = height - depth
+    # To find the rounding takes longer than all else.
+    below = np.flatnonzero(low < bottom)
+    greatest = np.maximum(np.abs(top[below]), np.abs(bottom[below]))
+    beyond[below] |= low[below] < bottom[below] - 4 * np.spacing(greatest)
     return beyond
 
 

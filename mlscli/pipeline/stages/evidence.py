@@ -30,7 +30,7 @@ import numpy as np
 from mlscli.maps.neighbours import is_at, sought
 from mlscli.maps.order import OccupiedCells
 from mlscli.maps.patches import distance
-from mlscli.pipeline.stages.gaps import Lines, between
+from mlscli.pipeline.stages.gaps import Intervals, Lines, between
 from mlscli.runtime.arrays import Bool, Float64, Int32, Int64
 from mlscli.runtime.kernels import inner, kernel
 
@@ -308,44 +308,29 @@ def _is_above(
     return False
 
 
-@kernel
-def lie_in_walls(
-    ix: Int32,
-    iy: Int32,
-    low: Float64,
-    high: Float64,
-    cells: OccupiedCells,
-    foot: Float64,
-    top: Float64,
-    needed: int,
-) -> Bool:
-    """Return which holes have enough wall around them, bool (H,).
+@inner
+def lies_in_wall(x: int, y: int, low: float, high: float, walls: Intervals, needed: int) -> bool:
+    """Return whether a hole has enough wall around it.
 
     Parameters
     ----------
-    ix, iy : int32 (H,)
-        The cells of the holes.
-    low, high : float64 (H,)
-        Lower and upper ends of the holes.
-    cells : OccupiedCells
-        The cells with vertical patches, and where these begin.
-    foot, top : float64 (P,)
-        Lower and upper ends of the vertical patches.
+    x, y : int
+        Its cell.
+    low, high : float
+        Its lower and upper end.
+    walls : Intervals
+        The vertical patches.
     needed : int
-        Of the eight cells around a hole, so many must hold a patch that covers more than half of
-        it.
+        Of the eight cells around, so many must hold a patch that covers more than half of it.
     """
-    holds = np.empty(len(ix), dtype=np.bool_)
-    for n in range(len(ix)):
-        count = 0
-        for x in range(np.int64(ix[n]) - 1, np.int64(ix[n]) + 2):
-            there = sought(cells.ix, cells.iy, -1, x, np.int64(iy[n]) - 1)
-            while there < len(cells.ix) and cells.ix[there] == x and cells.iy[there] <= iy[n] + 1:
-                covered = 0.0
-                for j in range(cells.start[there], cells.start[there + 1]):
-                    covered = max(covered, min(high[n], top[j]) - max(low[n], foot[j]))
-                # The hole's own cell has no wall in the hole.
-                count += 2 * covered > high[n] - low[n]
-                there += 1
-        holds[n] = count >= needed
-    return holds
+    count, (ix, iy, start) = 0, walls.cells
+    for column in range(x - 1, x + 2):
+        there = sought(ix, iy, -1, column, y - 1)
+        while there < len(ix) and ix[there] == column and iy[there] <= y + 1:
+            covered = 0.0
+            for j in range(start[there], start[there + 1]):
+                covered = max(covered, min(high, walls.high[j]) - max(low, walls.low[j]))
+            # The hole's own cell has no wall in the hole.
+            count += 2 * covered > high - low
+            there += 1
+    return count >= needed

@@ -8,7 +8,7 @@ stage asks of a gap beyond that stands in `evidence.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from mlscli.parameters.fields import fields_of, parameter
 from mlscli.parameters.lengths import Cells, Length, exceeds, in_units, whole_cells
 from mlscli.pipeline.stages.inserted import Inserted
 from mlscli.pipeline.stages.stage import Fault, MapStage
-from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, frozen
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, UInt8
 from mlscli.runtime.kernels import inner, kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -91,7 +91,7 @@ class Intervals(NamedTuple):
     cells : OccupiedCells
         The cells that hold intervals, and where their intervals begin.
     low, high : float64 (P,)
-        Lower and upper end of each interval, in the unit of the recording.
+        Lower and upper end of each interval, in the unit of the recording; read-only.
     """
 
     cells: OccupiedCells
@@ -178,8 +178,9 @@ class Gaps(NamedTuple):
 # Tells which gaps are closed, bool (G,).
 Judge = Callable[[Gaps], Bool]
 
-# The same of the gaps along both directions, all at once.
-Witness = Callable[[Sequence[Gaps]], list[Bool]]
+# Tells which patches close gaps indeed, bool (N,); given are the gap of each, int64 (N,), and
+# the patches (N,).
+Witness = Callable[[Int64, Inserted], Bool]
 
 
 def close_gaps(
@@ -207,28 +208,28 @@ def close_gaps(
         Tells which gaps, as `Gaps`, are closed, bool (G,); by default all are. Several threads ask
         it, each of some gaps.
     witness : callable, optional
-        The same of all gaps to which the judge agrees: it is asked once, of those along y and those
-        along x.
+        Tells which of the patches that would close gaps do so. It is asked once, of all gaps to
+        which the judge agrees.
     """
-    ix, iy, _ = intervals.cells
-    columns, rows = Lines(ix, iy, *links(ix)), Lines(iy, ix, *links(iy))
+    (ix, iy, _), ends = intervals.cells, intervals[1:]
+    after, before, after_in_row, before_in_row = links(ix, iy)
+    columns, rows = Lines(ix, iy, after, before), Lines(iy, ix, after_in_row, before_in_row)
     asked = intervals, widths, tolerance, judge
-    found = [_gaps_along(columns, rows, *asked), _gaps_along(rows, columns, *asked)]
-    if witness is not None:
-        closed = zip(found, witness(found), strict=True)
-        found = [gaps._replace(pairs=gaps.pairs[which]) for gaps, which in closed]
-    along_y, along_x = (_filled(gaps, intervals) for gaps in found)
-    return along_y.union(along_x._replace(ix=along_x.iy, iy=along_x.ix))
+    along_y, along_x = _pairs_along(columns, rows, *asked), _pairs_along(rows, columns, *asked)
+    pairs = np.concatenate((along_y, along_x))
+    filled = _fill(pairs, ix, iy, *ends, whole_cells(widths.certain, tolerance.cell_size))
+    gap, inserted = filled[0], Inserted(*filled[1:])
+    return inserted if witness is None or not len(gap) else inserted.take(witness(gap, inserted))
 
 
-def _gaps_along(
+def _pairs_along(
     lines: Lines,
     across: Lines,
     intervals: Intervals,
     widths: Widths,
     tolerance: Tolerance,
     judge: Judge | None,
-) -> Gaps:
+) -> Int64:
     """Return the gaps along lines whose ends have found each other, and to which the judge agrees.
 
     Parameters
@@ -237,25 +238,22 @@ def _gaps_along(
         The cells along these lines, and along those of the other direction.
     intervals, widths, tolerance, judge
         As in `close_gaps`.
+
+    Returns
+    -------
+    int64 (G, 4)
+        As in `Gaps`.
     """
-    ends = intervals.cells.start, frozen(intervals.low), frozen(intervals.high)
+    (_, _, start), low, high = intervals
     certain, allowed = (whole_cells(width, tolerance.cell_size) for width in widths)
 
     def seek(begin: int, end: int) -> Int64:
-        pairs: Int64 = _pairs(begin, end, lines, *ends, allowed + 1, tolerance)
-        return pairs if judge is None else pairs[judge(Gaps(pairs, lines, across, certain))]
+        pairs: Int64 = _pairs(begin, end, lines, start, low, high, allowed + 1, tolerance)
+        if judge is None or not len(pairs):
+            return pairs
+        return pairs[judge(Gaps(pairs, lines, across, certain))]
 
-    pairs = np.concatenate(in_ranges(len(lines.line), seek, weight=LIGHT))
-    return Gaps(pairs, lines, across, certain)
-
-
-def _filled(gaps: Gaps, intervals: Intervals) -> Inserted:
-    """Return the patches that close gaps; their `ix` is the line, `iy` the position."""
-    in_line, at, height, low_end, width = _fill(
-        gaps.pairs, gaps.lines, frozen(intervals.low), frozen(intervals.high)
-    )
-    origin = np.where(width <= gaps.certain, PLASTERED, ARTIFICIAL).astype(np.uint8)
-    return Inserted(in_line, at, height, height - low_end, origin)
+    return np.concatenate(in_ranges(len(lines.line), seek, weight=LIGHT))
 
 
 @kernel
@@ -381,35 +379,47 @@ def _opposite(
 
 @kernel
 def _fill(
-    pairs: Int64, lines: Lines, low: Float64, high: Float64
-) -> tuple[Int32, Int32, Float64, Float64, Int64]:
-    """Return the patches that fill gaps, which are given as `_pairs` returns them.
+    pairs: Int64, ix: Int32, iy: Int32, low: Float64, high: Float64, certain: int
+) -> tuple[Int64, Int32, Int32, Float64, Float64, UInt8]:
+    """Return the patches that fill gaps.
+
+    Parameters
+    ----------
+    pairs : int64 (G, 4)
+        As in `Gaps`.
+    ix, iy : int32 (C,)
+        The cells.
+    low, high : float64 (P,)
+        Lower and upper ends of the intervals.
+    certain : int
+        As in `Gaps`.
 
     Returns
     -------
-    in_line, at : int32 (N,)
-        Line and position of the cell of each patch.
-    height, low_end : float64 (N,)
-        Upper and lower end of each patch.
-    width : int64 (N,)
-        Width of the gap that it fills, in cells.
+    gap : int64 (N,)
+        The gap that each patch fills.
+    x, y, height, depth, origin : (N,)
+        As in `Inserted`.
     """
-    line, position = lines.line, lines.position
     size = 0
     for cell, _, there, _ in pairs:
-        size += position[there] - position[cell] - 1
-    in_line, at = np.empty(size, dtype=np.int32), np.empty(size, dtype=np.int32)
-    height, low_end = np.empty(size), np.empty(size)
-    width = np.empty(size, dtype=np.int64)
+        size += (ix[there] - ix[cell]) + (iy[there] - iy[cell]) - 1
+    gap, origin = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.uint8)
+    x, y = np.empty(size, dtype=np.int32), np.empty(size, dtype=np.int32)
+    height, depth = np.empty(size), np.empty(size)
     n = 0
-    for cell, near, there, far in pairs:
-        d = position[there] - position[cell]
+    for g in range(len(pairs)):
+        cell, near, there, far = pairs[g]
+        # One of them is 0.
+        dx, dy = np.int64(ix[there]) - ix[cell], np.int64(iy[there]) - iy[cell]
+        d = dx + dy
         for k in range(1, d):
-            in_line[n], at[n], width[n] = line[cell], position[cell] + k, d - 1
+            gap[n], origin[n] = g, PLASTERED if d - 1 <= certain else ARTIFICIAL
+            x[n], y[n] = ix[cell] + (k if dx else 0), iy[cell] + (k if dy else 0)
             height[n] = between(high[near], high[far], k, d)
-            low_end[n] = between(low[near], low[far], k, d)
+            depth[n] = height[n] - between(low[near], low[far], k, d)
             n += 1
-    return in_line, at, height, low_end, width
+    return gap, x, y, height, depth, origin
 
 
 @inner

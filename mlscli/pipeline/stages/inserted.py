@@ -45,6 +45,8 @@ class Inserted(NamedTuple):
 
     def union(self, other: Inserted) -> Inserted:
         """Return the patches of both."""
+        if not len(other.ix):
+            return self
         pairs: list[Any] = list(zip(self, other, strict=True))
         return Inserted(*map(np.concatenate, pairs))
 
@@ -69,12 +71,12 @@ def settle(inserted: Inserted, surface: SurfaceMap, holes: Inserted | None = Non
     if not len(inserted.ix):
         return inserted
     gap_size = surface.gap_size
-    order = order_by_cell(inserted.ix, inserted.iy, inserted.height).order
+    order, cells, high = order_by_cell(inserted.ix, inserted.iy, inserted.height)
     inserted = inserted.take(order)
-    cells, low, high = OccupiedCells.of(inserted.ix, inserted.iy), inserted.low_end, inserted.height
+    low = inserted.low_end
     mine = cells, low, high
     near = within_gap(*mine, surface.cells, surface.low_end, surface.height, gap_size)
-    if holes is not None:
+    if holes is not None and len(holes.ix):
         there = OccupiedCells.of(holes.ix, holes.iy)
         near |= within_gap(*mine, there, holes.low_end, holes.height, gap_size)
     stays = ~near

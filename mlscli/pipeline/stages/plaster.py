@@ -22,7 +22,6 @@ been; `unseen.py` has the rule.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -41,10 +40,10 @@ from mlscli.pipeline.stages.gaps import (
     Witness,
     close_gaps,
 )
-from mlscli.pipeline.stages.inserted import settle
+from mlscli.pipeline.stages.inserted import Inserted, settle
 from mlscli.pipeline.stages.sights import Sights
 from mlscli.pipeline.stages.unseen import unseen
-from mlscli.runtime.arrays import Bool
+from mlscli.runtime.arrays import Bool, Int64
 
 
 @dataclass(frozen=True)
@@ -126,10 +125,9 @@ class Plaster(GapStage):
         farthest = self.sight_reach(surface.cell_size)
         if sights is None or not farthest:
             return None
-        cells, height = surface.cells, surface.height
 
-        def witness(gaps: Sequence[Gaps]) -> list[Bool]:
-            return unseen(gaps, cells, height, sights, surface.cell_size, farthest)
+        def witness(gap: Int64, closing: Inserted) -> Bool:
+            return unseen(gap, closing, sights, surface.cell_size, farthest)
 
         return witness
 

@@ -32,7 +32,7 @@ from mlscli.maps.order import OccupiedCells
 from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Length, in_units, whole_cells
-from mlscli.pipeline.stages.evidence import lie_in_walls, run_along
+from mlscli.pipeline.stages.evidence import lies_in_wall, run_along
 from mlscli.pipeline.stages.gaps import (
     Gaps,
     GapStage,
@@ -43,7 +43,7 @@ from mlscli.pipeline.stages.gaps import (
     close_gaps,
 )
 from mlscli.pipeline.stages.inserted import Inserted, settle
-from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, frozen
+from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, UInt8, frozen
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -95,39 +95,40 @@ class Walls(GapStage):
             return surface
         tolerance = Tolerance(cell_size, self.height_thresh)
         for widths in self.passes(cell_size):
-            upright = np.flatnonzero(surface.depth > 0)
-            cells = OccupiedCells.of(surface.ix[upright], surface.iy[upright])
-            intervals = Intervals(cells, surface.low_end[upright], surface.height[upright])
-            columns = close_gaps(intervals, widths, tolerance, self._judge(intervals, cell_size))
-            holes = fill_holes(surface, upright, widths, intervals, self.support)
+            walls = upright(surface)
+            columns = close_gaps(walls, widths, tolerance, self._judge(walls, cell_size))
+            holes = fill_holes(surface, widths, walls, self.support)
             surface = surface.with_inserted(*settle(columns, surface, holes).union(holes))
         farthest = min(in_units(self.join, cell_size), surface.gap_size)
         return drawn_out(surface, farthest) if farthest > 0 else surface
 
-    def _judge(self, intervals: Intervals, cell_size: float) -> Judge | None:
+    def _judge(self, walls: Intervals, cell_size: float) -> Judge | None:
         """Return what tells where walls run along a gap; None: nobody asks."""
         farthest = whole_cells(self.along, cell_size)
         if not farthest:
             return None
-        walls = intervals.cells.start, frozen(intervals.low), frozen(intervals.high)
 
         def judge(gaps: Gaps) -> Bool:
-            holds: Bool = run_along(*gaps, *walls, farthest)
+            holds: Bool = run_along(*gaps, walls.cells.start, walls.low, walls.high, farthest)
             return holds
 
         return judge
 
 
-def fill_holes(
-    surface: SurfaceMap, upright: Int64, widths: Widths, walls: Intervals, support: int
-) -> Inserted:
+def upright(surface: SurfaceMap) -> Intervals:
+    """Return the vertical patches of a map."""
+    which = np.flatnonzero(surface.depth > 0)
+    high = surface.height[which]
+    cells = OccupiedCells.of(surface.ix[which], surface.iy[which])
+    return Intervals(cells, frozen(high - surface.depth[which]), frozen(high))
+
+
+def fill_holes(surface: SurfaceMap, widths: Widths, walls: Intervals, support: int) -> Inserted:
     """Return the patches that fill holes between successive vertical patches of one cell.
 
     Parameters
     ----------
     surface : SurfaceMap
-    upright : int64 (V,)
-        The vertical patches of the map, ascending.
     widths : Widths
         The holes that are filled, by their height.
     walls : Intervals
@@ -136,23 +137,53 @@ def fill_holes(
         Holes that are not surely filled need so many cells around them that show a wall.
     """
     certain, allowed = (in_units(width, surface.cell_size) for width in widths)
-    lower, upper = upright[:-1], upright[1:]
-    space = surface.low_end[upper] - surface.height[lower]
-    hole = (upper == lower + 1) & (space > surface.gap_size) & (space <= allowed)
-    hole &= (surface.ix[lower] == surface.ix[upper]) & (surface.iy[lower] == surface.iy[upper])
-    upper, space = upper[hole], space[hole]
-    filled = Inserted(
-        surface.ix[upper],
-        surface.iy[upper],
-        surface.low_end[upper],
-        space,
-        np.where(space <= certain, PLASTERED, ARTIFICIAL).astype(np.uint8),
-    )
-    if not support:
-        return filled
-    where = filled.ix, filled.iy, filled.low_end, filled.height
-    shown = lie_in_walls(*where, walls.cells, frozen(walls.low), frozen(walls.high), support)
-    return filled.take(shown | (filled.origin == PLASTERED))
+    sizes = surface.gap_size, certain, allowed
+    return Inserted(*_holes(surface.cells, surface.height, surface.depth, walls, *sizes, support))
+
+
+@kernel
+def _holes(
+    cells: OccupiedCells,
+    height: Float64,
+    depth: Float64,
+    walls: Intervals,
+    gap_size: float,
+    certain: float,
+    allowed: float,
+    support: int,
+) -> tuple[Int32, Int32, Float64, Float64, UInt8]:
+    """Return what fills the holes between vertical patches, as the columns of `Inserted`.
+
+    Parameters
+    ----------
+    cells : OccupiedCells
+        The cells, and where their patches begin.
+    height, depth : float64 (P,)
+        Of all patches.
+    walls : Intervals
+        The vertical patches.
+    gap_size, certain, allowed : float
+        Holes are larger than the first and at most as large as the last; those no larger than
+        `certain` are surely filled. In the unit of the recording.
+    support : int
+        As in `fill_holes`.
+    """
+    most = len(height) - len(cells.ix)
+    ix, iy = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
+    top, space, origin = np.empty(most), np.empty(most), np.empty(most, dtype=np.uint8)
+    n = 0
+    for cell in range(len(cells.ix)):
+        x, y = int(cells.ix[cell]), int(cells.iy[cell])
+        for i in range(cells.start[cell] + 1, cells.start[cell + 1]):
+            low, high = height[i - 1], height[i] - depth[i]
+            if not (depth[i - 1] > 0 and depth[i] > 0 and gap_size < high - low <= allowed):
+                continue
+            sure = high - low <= certain
+            if sure or lies_in_wall(x, y, low, high, walls, support):
+                ix[n], iy[n], top[n], space[n] = x, y, high, high - low
+                origin[n] = PLASTERED if sure else ARTIFICIAL
+                n += 1
+    return ix[:n], iy[:n], top[:n], space[:n], origin[:n]
 
 
 def drawn_out(surface: SurfaceMap, farthest: float) -> SurfaceMap:
@@ -160,18 +191,18 @@ def drawn_out(surface: SurfaceMap, farthest: float) -> SurfaceMap:
 
     An end moves by at most `farthest`, in the unit of the recording.
     """
-    low, foot, top = surface.low_end, surface.low_end, surface.height.copy()
+    low = surface.low_end
+    foot, top = low.copy(), surface.height.copy()
 
-    def draw(begin: int, end: int) -> None:
-        _draw_out(
+    def draw(begin: int, end: int) -> bool:
+        return _draw_out(
             begin, end, *surface.cells, low, surface.height, surface.depth,
             farthest, surface.gap_size, foot, top,
         )  # fmt: skip
 
-    in_ranges(len(surface.cells.ix), draw, weight=LIGHT)
-    moved = (foot < low) | (top > surface.height)
-    if not moved.any():
+    if not any(in_ranges(len(surface.cells.ix), draw, weight=LIGHT)):
         return surface
+    moved = (foot < low) | (top > surface.height)
     return surface.with_columns(height=top, depth=np.where(moved, top - foot, surface.depth))
 
 
@@ -189,8 +220,8 @@ def _draw_out(
     gap_size: float,
     foot: Float64,
     top: Float64,
-) -> None:
-    """Find new ends of the vertical patches in cells `begin` to `end`.
+) -> bool:
+    """Find new ends of the vertical patches in cells `begin` to `end`; return if there may be any.
 
     Parameters
     ----------
@@ -210,6 +241,7 @@ def _draw_out(
         Receive the lower and upper ends of the patches of these cells.
     """
     first = np.full(3, -1, dtype=np.int64)
+    moved = False
     for cell in range(begin, end):
         x, y = np.int64(ix[cell]), np.int64(iy[cell])
         reached = -np.inf
@@ -227,7 +259,9 @@ def _draw_out(
                             highest = max(highest, high[j])
                     there += 1
             foot[i], top[i] = lowest, highest
+            moved |= lowest < low[i] or highest > high[i]
             # Two ends that would meet stay where they are.
             if i > start[cell] and lowest - reached <= gap_size:
                 foot[i], top[i - 1] = low[i], high[i - 1]
             reached = highest
+    return moved
