@@ -140,7 +140,7 @@ def turned(points: Float64) -> Iterator[Float64]:
 
 def distinct(points: Float64) -> Float64:
     """Return the points, float64 (N, 3), each once: of those that are equal, one of them."""
-    keys = hashed(axis + 0.0 for axis in points.T)
+    keys = hashed(points.T)
     order = np.argsort(keys)
     first = _firsts(keys[order])
     # In their own order, points that lie close together mostly stand so, too.

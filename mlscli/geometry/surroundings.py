@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mlscli.geometry.splitmix import mixed
 from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Float64, UInt64
 from mlscli.runtime.threads import in_ranges
@@ -19,6 +20,8 @@ _THICKNESS = 0.02
 # Least ratio of the variances along the shorter and the longer side: neighbours on a line, such as
 # one sweep of a laser, form no plane.
 _THINNEST = 0.03
+# Of so many rows a kernel mixes the bits, in a third of numpy's time; of fewer it is not loaded.
+_MANY = 4096
 # How many points a sample looks at together, at most.
 _BLOCK = 32_768
 
@@ -60,11 +63,11 @@ class PointSample:
 
     def _look(self, points: Float64) -> None:
         """Put points and those that wait to the others, if their hashes are low enough."""
-        points = np.concatenate([*self._waiting, points]) + 0.0
-        self._waiting = []
+        if self._waiting:
+            points, self._waiting = np.concatenate([*self._waiting, points]), []
         keys = hashed(points.T)
         low = np.flatnonzero(keys <= self._below)
-        points, keys = points[low], keys[low]
+        points, keys = points[low] + 0.0, keys[low]
         near = (np.abs(points) <= FARTHEST).all(axis=1)
         self._low.append(points[near])
         self._keys.append(keys[near])
@@ -213,21 +216,20 @@ def hashed(columns: Iterable[Float64]) -> UInt64:
     Parameters
     ----------
     columns : iterable of float64 (N,)
-        Coordinates, an axis after the other, free of -0.0.
+        Coordinates, an axis after the other; -0.0 and 0.0 are the same.
     """
-    key = np.empty(0, dtype=np.uint64)
+    keys = np.empty(0, dtype=np.uint64)
     for axis, column in enumerate(columns):
-        bits = np.ascontiguousarray(column).view(np.uint64)
-        if axis:
-            key ^= bits
-        else:
-            key = bits.copy()
         # Columns can be long, and computed one by one: none is kept beside the next.
-        del bits, column
-        key += np.uint64(0x9E3779B97F4A7C15)
-        key ^= key >> np.uint64(30)
-        key *= np.uint64(0xBF58476D1CE4E5B9)
-        key ^= key >> np.uint64(27)
-        key *= np.uint64(0x94D049BB133111EB)
-        key ^= key >> np.uint64(31)
-    return key
+        bits = (column + 0.0).view(np.uint64)
+        del column
+        if not axis:
+            keys = np.zeros(len(bits), dtype=np.uint64)
+        if len(bits) < _MANY:
+            keys = mixed(keys ^ bits)
+        else:
+            from mlscli.geometry.mixing import mix
+
+            mix(keys, bits)
+        del bits
+    return keys

@@ -15,7 +15,6 @@ from typing import NamedTuple, TextIO
 import numpy as np
 
 from mlscli.io.clouds.columns import Layout
-from mlscli.io.clouds.decimals import read_rows
 from mlscli.io.clouds.dialect import (
     MARKS,
     Dialect,
@@ -37,6 +36,9 @@ LONGEST_LINE = 1 << 26
 """Characters of a line that are kept; the rest of it is taken for another line."""
 
 _NEWLINE, _BLANK = 10, 32
+
+_LARGE = 1 << 20
+"""Characters; numpy parses fewer in less time than it takes to load the kernel."""
 
 
 class Rows(NamedTuple):
@@ -196,8 +198,12 @@ def _decimals(text: str, dialect: Dialect, places: Sequence[int], each: int) -> 
 
     See `alike`; `each` is how many separators stand in a row, or how many words.
     """
-    if (dialect.separator and each != dialect.width - 1) or len(set(places)) < len(places):
+    if len(text) < _LARGE or len(set(places)) < len(places):
         return None
+    if dialect.separator and each != dialect.width - 1:
+        return None
+    from mlscli.io.clouds.decimals import read_rows
+
     data = np.frombuffer((text if text.endswith("\n") else text + "\n").encode(), dtype=np.uint8)
     columns = np.full(dialect.width, -1, dtype=np.int64)
     columns[list(places)] = np.arange(len(places))
