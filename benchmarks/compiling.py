@@ -89,7 +89,7 @@ def compiled(clock: Callable[[], float]) -> Compiled:
     """Run the commands in the current folder; the process must not have compiled anything yet."""
     import mlscli
     from mlscli.cli import Run, commands
-    from mlscli.pipeline.stages import sights
+    from mlscli.pipeline.stages import ordering, sights
 
     stopwatch = _Stopwatch(clock)
     event.register("numba:compile", stopwatch)  # type: ignore[no-untyped-call, unused-ignore]
@@ -99,7 +99,7 @@ def compiled(clock: Callable[[], float]) -> Compiled:
         commands.main(command.split(), standalone_mode=False, obj=Run())
     _ask_for_space("free.npz")
     # What is for many points does for few.
-    sights._FEW = 0
+    sights._FEW, ordering._IN_BAND = 0, 1024
     commands.main(
         f"build {BRIDGE} -o bridge.npz --overwrite".split(), standalone_mode=False, obj=Run()
     )
@@ -160,14 +160,17 @@ def _write_clouds() -> None:
 
 
 def _ask_for_space(path: str) -> None:
-    """Ask a map about places and a way, and put its free space together with itself."""
+    """Ask a map about places, a way and what changed; put its free space together with itself."""
     from mlscli import clearance, read_map, space_at
+    from mlscli.maps.change import Change
+    from mlscli.maps.records import records_of
 
     surface = read_map(path)
     assert surface.free is not None
     space_at(surface, np.zeros((1, 3)))
     clearance(surface, np.zeros((1, 3)), 0.2, 0.2)
     surface.free.union(surface.free)
+    Change.between(records_of(surface), records_of(surface), surface.grid)
 
 
 @click.command()

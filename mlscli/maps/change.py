@@ -63,7 +63,7 @@ class Change:
         """The cells in which something changed."""
         return CellSet.of_keys(np.concatenate((self.gone[:, 0], self.come[:, 0])))
 
-    @property
+    @cached_property
     def points(self) -> int:
         """How many measured points the map gains; negative where it loses some."""
         return points_of(self.come) - points_of(self.gone)

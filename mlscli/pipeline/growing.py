@@ -58,18 +58,19 @@ class ConsistentMap:
         self._maps = [KeptMap(pipeline.grid) for _ in (None, *pipeline.map_stages)]
         # For each map stage, the cells in which it asked what was seen through.
         self._asked = [AskedCells() for _ in pipeline.map_stages]
+        self._reaches = reaches(pipeline)
+        self._sight_reaches = [each.sight_reach(pipeline.cell_size) for each in pipeline.map_stages]
 
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
         pipeline = self._pipeline
         change, filtered = self._measure(points)
-        for stage, source, target, asked in zip(
-            pipeline.map_stages, self._maps, self._maps[1:], self._asked, strict=False
-        ):
-            reach = stage.reach(pipeline.cell_size) or 0
+        near = partial(self._points[-1].kept_near, cell_size=pipeline.cell_size)
+        for stage, reach, sight, source, target, asked in zip(
+            pipeline.map_stages, self._reaches, self._sight_reaches,
+            self._maps, self._maps[1:], self._asked, strict=False,
+        ):  # fmt: skip
             cells = change.cells
-            sight = stage.sight_reach(pipeline.cell_size)
-            near = partial(self._points[-1].kept_near, cell_size=pipeline.cell_size)
             sights = Sights(pipeline.route, near) if sight else None
             if sights is not None and sights.known:
                 cells = asked.joined_with(cells, filtered.widened(sight))
@@ -119,6 +120,11 @@ class ConsistentMap:
         return change, outcome.cells
 
 
+def reaches(pipeline: Pipeline) -> list[int]:
+    """Return the reach of each map stage, all of them bounded, in cells."""
+    return [stage.reach(pipeline.cell_size) or 0 for stage in pipeline.map_stages]
+
+
 class AskedCells:
     """The cells in which a stage asked what was seen through, when it last ran there.
 
@@ -135,9 +141,10 @@ class AskedCells:
 
     def replace(self, cells: CellSet, asked: Sequence[UInt64]) -> None:
         """Note where the stage asked when it ran in `cells`, as it did on their rim, too."""
-        listed = CellSet.of_keys(np.concatenate((np.empty(0, dtype=np.uint64), *asked)))
         self._cells.put(cells, np.empty((0, 1), dtype=np.uint64))
-        self._cells.put(listed, listed.keys[:, None].copy())
+        if asked:
+            listed = CellSet.of_keys(np.concatenate(asked))
+            self._cells.put(listed, listed.keys[:, None].copy())
 
 
 class SequentialMap:
@@ -151,6 +158,7 @@ class SequentialMap:
         self._pipeline = pipeline
         self._map = KeptMap(pipeline.grid)
         self._counts = pipeline.line_counts()
+        self._reaches = reaches(pipeline)
 
     def grow(self, points: Points) -> Change:
         """Take the points of a batch and return what that changes."""
@@ -160,14 +168,13 @@ class SequentialMap:
         sights = pipeline.sights(lambda _: filtered)
         new = records_of(pipeline.group_points(filtered))
         changed = CellSet.of_keys(new["cell"])
-        reaches = [stage.reach(pipeline.cell_size) or 0 for stage in pipeline.map_stages]
-        farthest = max(reaches, default=0)
+        farthest = max(self._reaches, default=0)
         # All that any stage reads; it goes back into the map when the last one is done.
         rows = rows_in(kept.records(changed.widened(2 * farthest)))
         with pipeline.report.timed("merge"):
             there = records_in(part(rows, changed))
             rows = with_part(rows, changed, rows_in(with_measured(there, new, pipeline.grid)))
-        for stage, reach in zip(pipeline.map_stages, reaches, strict=True):
+        for stage, reach in zip(pipeline.map_stages, self._reaches, strict=True):
             cells = changed.widened(reach)
             source = surface_of(records_in(part(rows, cells.widened(reach))), pipeline.grid)
             after = pipeline.run_stage(stage, source, sights=sights)

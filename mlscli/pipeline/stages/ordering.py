@@ -77,17 +77,25 @@ def order_by_cell(ix: Int32, iy: Int32, z: Float64) -> Ordered:
     # Contiguous heights: fewer cache lines are fetched, and the kernel is compiled for one type.
     z = np.ascontiguousarray(z)
     # Only in clouds of 100 GB does the number of a point need more than 4 bytes.
-    order = np.empty(len(ix), dtype=np.uint32 if len(ix) < 2**32 else np.int64)
-    bands = _put_into_bands(ix, len(ix) // _IN_BAND, order)
-    heights = np.empty(len(ix))
+    order = np.arange(len(ix), dtype=np.uint32 if len(ix) < 2**32 else np.int64)
+    bands, heights = np.array([0, len(ix)]), np.empty(len(ix))
+    if len(ix) >= 2 * _IN_BAND:
+        bands = _put_into_bands(ix, len(ix) // _IN_BAND, order)
 
-    def order_bands(begin: int, end: int) -> OccupiedCells:
-        return OccupiedCells(*_order_bands(bands[begin : end + 1], order, ix, iy, z, heights))
+    def order_bands(begin: int, end: int) -> tuple[Int32, Int32, Int64]:
+        found: tuple[Int32, Int32, Int64] = _order_bands(
+            bands[begin : end + 1], order, ix, iy, z, heights
+        )
+        return found
 
     several = len(bands) - 1
     parts = in_ranges(several, order_bands, weight=LIGHT * len(ix) / several)
-    x, y, start = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Ordered(order, OccupiedCells(x, y, np.append(start, len(ix))), heights)
+    if len(parts) == 1:
+        return Ordered(order, OccupiedCells(*parts[0]), heights)
+    # Each part begins where the one before ends.
+    x, y, start = zip(*((*part[:2], part[2][:-1]) for part in parts), strict=True)
+    starts = np.concatenate((*start, [len(ix)]))
+    return Ordered(order, OccupiedCells(np.concatenate(x), np.concatenate(y), starts), heights)
 
 
 @kernel
@@ -101,22 +109,15 @@ def _locate(xyz: Float64, size: float, ix: Int32, iy: Int32) -> None:
 def _put_into_bands(ix: Int32, most: int, order: Array) -> Int64:
     """Write the numbers of points into `order`, band by band; return where the bands begin and end.
 
-    There are at most `most` bands, but at least one. The number of columns of a band is a power of
+    There are at most `most` bands, which are several. The number of columns of a band is a power of
     2. The points of a band keep their order.
     """
-    least, shift, bands = 0, 0, 1
-    if most > 1:
-        least, greatest = _ends(ix)
-        width = int(greatest) - int(least)
-        while width >> shift >= most:
-            shift += 1
-        bands = (width >> shift) + 1
+    least, greatest = _ends(ix)
+    width, shift = int(greatest) - int(least), 0
+    while width >> shift >= most:
+        shift += 1
+    bands = (width >> shift) + 1
     start = np.zeros(bands + 1, dtype=np.int64)
-    if bands == 1:
-        for i in range(len(ix)):
-            order[i] = i
-        start[1] = len(ix)
-        return start
     for i in range(len(ix)):
         start[((ix[i] - least) >> shift) + 1] += 1
     for band in range(bands):
@@ -152,12 +153,12 @@ def _order_bands(
     -------
     ix, iy : int32 (C,)
         The cells of the bands, ascending.
-    start : int64 (C,)
-        The places at which the points of each cell begin.
+    start : int64 (C + 1,)
+        The places at which the points of each cell begin, and the end of the last.
     """
     most = bands[-1] - bands[0]
     cell_x, cell_y = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
-    starts, cells = np.empty(most, dtype=np.int64), 0
+    starts, cells = np.empty(most + 1, dtype=np.int64), 0
     for band in range(len(bands) - 1):
         begin, end = bands[band], bands[band + 1]
         # Values that lie far apart in memory are fetched once only.
@@ -176,7 +177,8 @@ def _order_bands(
             cell_x[cells], cell_y[cells], starts[cells] = x[place], y[place], first
             cells += 1
         _ascend(start, order, heights)
-    return cell_x[:cells].copy(), cell_y[:cells].copy(), starts[:cells].copy()
+    starts[cells] = bands[-1]
+    return cell_x[:cells].copy(), cell_y[:cells].copy(), starts[: cells + 1].copy()
 
 
 @inner
