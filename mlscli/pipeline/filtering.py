@@ -7,19 +7,20 @@ removed in one cell are represented by their bounding rectangle.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlscli.keyframes.batches import Points
-from mlscli.maps.cells import CellSet, pack
+from mlscli.maps.cells import CellSet, key_of, pack
 from mlscli.maps.kept_rows import KeptRows
-from mlscli.maps.rows import merged
+from mlscli.maps.rows import copied, merged
 from mlscli.pipeline.pipeline import Pipeline
 from mlscli.pipeline.stages.ordering import cells_of
 from mlscli.pipeline.stages.stage import PointStage
-from mlscli.runtime.arrays import Bool, Float32, Float64, Int32, UInt64
+from mlscli.runtime.arrays import ONE, ZERO, Bool, Float32, Float64, Int32, UInt64
 from mlscli.runtime.kernels import inner, kernel
+from mlscli.runtime.sorting import place_of
 
 # The words of a row: the packed cell; the point as the stage reads it, its keyframe and sight in
 # halves of words; where the stage places it (a height of NaN: dropped); the square of how far the
@@ -110,16 +111,12 @@ class FilteredPoints:
         changed = np.concatenate((removed, added))
         asked = _asked(near, near.view(np.float64), changed, changed.view(np.float64), reach)
         xyz, looked, noise = pipeline.evaluate_points(self._stage, _as_read(near), asked)
-        before = _placed_in(near, cell_size)
         views = near.view(np.float64), near.view(np.float32)
-        cells, differs = _noted(near, *views, asked, xyz, looked, noise)
+        cells, places = _noted(near, *views, asked, xyz, looked, noise, cell_size)
         self._rows.put(CellSet.of_keys(cells), near)
-        after = _placed_in(near, cell_size)
-        keys = np.concatenate(
-            (given.cells.keys, _placed_in(removed, cell_size), before[differs], after[differs])
-        )
-        changes = CellSet.of_keys(keys)
-        return Outcome(changes, _placed(near, after, changes))
+        keys = given.cells.keys, _places(removed, removed.view(np.float64), cell_size), places
+        changes = CellSet.of_keys(np.concatenate(keys))
+        return Outcome(changes, _placed(near, views[0], changes.keys, cell_size))
 
 
 def kept(rows: UInt64) -> Points:
@@ -214,24 +211,62 @@ def _passed_on(rows: UInt64) -> UInt64:
     return rows
 
 
-def _placed_in(rows: UInt64, cell_size: float) -> UInt64:
-    """Return the packed cell in which a stage has placed each point; its own where dropped."""
-    floats = rows.view(np.float64)
-    keys = rows[:, _CELL].copy()
-    elsewhere = (floats[:, _X] != floats[:, _TO_X]) | (floats[:, _Y] != floats[:, _TO_Y])
-    moved = np.flatnonzero(elsewhere & ~np.isnan(floats[:, _TO_Z]))
-    if len(moved):
-        keys[moved] = pack(*cells_of(floats[moved, _TO_X : _TO_Z + 1], cell_size))
-    return keys
+@inner
+def _place_of(rows: UInt64, floats: Float64, i: int, cell_size: float) -> Any:
+    """Return the packed cell in which a stage has placed a point; its own where dropped."""
+    x, y = floats[i, _TO_X], floats[i, _TO_Y]
+    if np.isnan(floats[i, _TO_Z]) or (x == floats[i, _X] and y == floats[i, _Y]):
+        return rows[i, _CELL]
+    return key_of(int(np.floor(x / cell_size)), int(np.floor(y / cell_size)))
 
 
-def _placed(rows: UInt64, keys: UInt64, cells: CellSet) -> UInt64:
-    """Return the rows that are placed in some cells, given where each is, ascending by cell."""
-    place = np.searchsorted(cells.keys, keys)
-    inside = np.flatnonzero(cells.keys[np.minimum(place, len(cells.keys) - 1)] == keys)
-    placed = rows[inside]
-    placed[:, _CELL] = keys[inside]
-    return placed[np.argsort(placed[:, _CELL], kind="stable")]
+@kernel
+def _places(rows: UInt64, floats: Float64, cell_size: float) -> UInt64:
+    """Return the packed cell in which a stage has placed each point; `floats` are the rows."""
+    places = np.empty(len(rows), dtype=np.uint64)
+    for i in range(len(rows)):
+        places[i] = _place_of(rows, floats, i, cell_size)
+    return places
+
+
+def _placed(rows: UInt64, floats: Float64, cells: UInt64, cell_size: float) -> UInt64:
+    """Return the rows that are placed in some cells, ascending by where they are."""
+    placed, ascend = _chosen(rows, floats, cells, cell_size)
+    return placed if ascend else placed[np.argsort(placed[:, _CELL], kind="stable")]
+
+
+@kernel
+def _chosen(rows: UInt64, floats: Float64, cells: UInt64, cell_size: float) -> tuple[UInt64, bool]:
+    """Return the rows that are placed in some cells, and whether they ascend by where they are.
+
+    Parameters
+    ----------
+    rows : uint64 (N, _WORDS)
+    floats
+        The rows, viewed as float64.
+    cells : uint64 (C,)
+        Packed keys, ascending.
+    cell_size : float
+
+    Returns
+    -------
+    placed : uint64 (M, _WORDS)
+        The rows, in their order, with the cells in which they are placed.
+    ascend : bool
+    """
+    placed, ascend = np.empty_like(rows), True
+    size = at = ZERO
+    for i in range(len(rows)):
+        place = _place_of(rows, floats, i, cell_size)
+        # Mostly the places ascend, as few points are moved.
+        if at == len(cells) or cells[at] != place:
+            at = place_of(cells, place)
+        if at < len(cells) and cells[at] == place:
+            copied(rows, i, ONE, placed, size)
+            placed[size, _CELL] = place
+            ascend &= size == 0 or placed[size - 1, _CELL] <= place
+            size += 1
+    return placed[:size], ascend
 
 
 @kernel
@@ -292,7 +327,8 @@ def _noted(
     xyz: Float64,
     looked: Float64,
     noise: Float32,
-) -> tuple[UInt64, Bool]:
+    cell_size: float,
+) -> tuple[UInt64, UInt64]:
     """Write a stage's results for the points asked for into their rows.
 
     Parameters
@@ -304,31 +340,37 @@ def _noted(
         The points asked for.
     xyz, looked, noise
         What became of the points, as in `Evaluated`.
+    cell_size : float
 
     Returns
     -------
     cells : uint64 (C,)
         Packed keys of the cells in which something was written.
-    differs : bool (N,)
-        The points that are new, or whose outcome has changed.
+    places : uint64 (M,)
+        Packed keys of the cells in which points were or are placed that are new, or whose outcome
+        has changed.
     """
-    cells, differs = np.empty(len(rows), dtype=np.uint64), np.zeros(len(rows), dtype=np.bool_)
-    noted = 0
+    cells, places = np.empty(len(rows), dtype=np.uint64), np.empty(2 * len(rows), dtype=np.uint64)
+    noted = size = 0
     for i in range(len(rows)):
         if not asked[i]:
             continue
         if noted == 0 or cells[noted - 1] != rows[i, _CELL]:
             cells[noted] = rows[i, _CELL]
             noted += 1
-        differs[i] = floats[i, _LOOKED] == np.inf
+        differs = floats[i, _LOOKED] == np.inf
+        places[size] = _place_of(rows, floats, i, cell_size)
         for axis in range(3):
             before, after = floats[i, _TO_X + axis], xyz[i, axis]
-            differs[i] |= not _same(before, after)
+            differs |= not _same(before, after)
             floats[i, _TO_X + axis] = after
-        differs[i] |= not _same(halves[i, _LEFT_NOISE], noise[i])
+        differs |= not _same(halves[i, _LEFT_NOISE], noise[i])
         halves[i, _LEFT_NOISE] = noise[i]
         floats[i, _LOOKED] = looked[i]
-    return cells[:noted], differs
+        if differs:
+            places[size + 1] = _place_of(rows, floats, i, cell_size)
+            size += 2
+    return cells[:noted], places[:size]
 
 
 @inner
