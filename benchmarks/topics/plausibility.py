@@ -7,6 +7,7 @@ no fault but does the work itself, as counting epochs or leaving out beams witho
 
 from __future__ import annotations
 
+import math
 import struct
 import tempfile
 import time
@@ -35,6 +36,7 @@ from benchmarks.table import Row, Timer
 from benchmarks.topics import reading
 from mlscli import open_recording
 from mlscli.io.plausibility.finding import Finding, right
+from mlscli.io.plausibility.ranges import OUT_OF_RANGE, Measured
 from mlscli.runtime.arrays import Float64
 from tests.helpers.pcds import encoded
 
@@ -90,6 +92,14 @@ def _true(count: int) -> Any:
     return np.ones(count, dtype=np.bool_)
 
 
+def _ranged(ranges: Float64, low: float, high: float) -> Finding[Any]:
+    """Return the beams within the bounds that a scan states, the upper one left out."""
+    beams = (ranges >= low) & (ranges < high)
+    hits = int(np.count_nonzero(beams))
+    out = 0 if hits == len(ranges) else int(np.count_nonzero(np.isfinite(ranges))) - hits
+    return right(Measured(np.where(beams, ranges, np.nan), ((OUT_OF_RANGE, out),) if out else ()))
+
+
 STAND_INS: dict[str, Callable[..., Any]] = {
     "mlscli.io.clouds.las.within_bounds": _all,
     "mlscli.io.clouds.pcdcompressed.odd_exponents": lambda *_: None,
@@ -99,12 +109,14 @@ STAND_INS: dict[str, Callable[..., Any]] = {
     "mlscli.io.messages.laserscan.angles_of": lambda count, low, _, step: right(
         low + np.arange(count, dtype=np.float64) * step
     ),
+    "mlscli.io.messages.laserscan.measured": _ranged,
     "mlscli.io.messages.pointcloud2.layout_of": lambda _, stated, __: right(stated),
     "mlscli.io.messages.pointcloud2.looks_right": lambda *_: True,
     "mlscli.io.reading.frames.of_one_body": _first,
     "mlscli.io.reading.placing.same_clock": lambda *_: right(0.0),
     "mlscli.io.reading.rivals.alternate": lambda _: False,
     "mlscli.io.reading.rivals.of_one_body": _first,
+    "mlscli.io.reading.sieve.lost_step": lambda _: 0.0,
     "mlscli.io.reading.sieve.pile": lambda _: right(0),
     "mlscli.io.reading.sieve.without_zeros": _all,
 }
@@ -123,8 +135,8 @@ def _compressed(path: Path, *, voxel: float = STEP) -> None:
     path.write_bytes(pcd_file("binary_compressed", POINTS, packed, 4))
 
 
-def _scans(path: Path) -> None:
-    """Write laser scans in the frame of the map."""
+def _scans(path: Path, *, nothing: float = math.inf) -> None:
+    """Write laser scans in the frame of the map; a fifth of their beams have hit nothing."""
     store = get_typestore(Stores.LATEST)
     types: Any = store.types
     rng = np.random.default_rng(1)
@@ -132,11 +144,13 @@ def _scans(path: Path) -> None:
         connection = writer.add_connection("/scan", "sensor_msgs/msg/LaserScan", typestore=store)
         for number in range(SCANS):
             stamp = types["builtin_interfaces/msg/Time"](sec=number // 10, nanosec=number % 10)
+            ranges = rng.uniform(0.5, 29, BEAMS)
+            ranges[BEAMS // 5 : 2 * BEAMS // 5] = nothing
             message = types["sensor_msgs/msg/LaserScan"](
                 header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="map"),
                 angle_min=-2.35, angle_max=-2.35 + (BEAMS - 1) * 0.00436, angle_increment=0.00436,
                 time_increment=0.0, scan_time=0.1, range_min=0.1, range_max=30.0,
-                ranges=rng.uniform(0.5, 29, BEAMS).astype("<f4"),
+                ranges=ranges.astype("<f4"),
                 intensities=np.empty(0, "<f4"),
             )  # fmt: skip
             data = store.serialize_cdr(message, "sensor_msgs/msg/LaserScan")
@@ -165,5 +179,6 @@ FORMATS: dict[str, Callable[[Path], None]] = {
     "LAZ": partial(write_las, count=POINTS, compress=True),
     **{name: partial(reading.write, kind=kind) for name, kind in _BAGS.items()},
     "laser scans in MCAP": _scans,
+    "laser scans, nothing hit at range_max": partial(_scans, nothing=30.0),
 }
 """How a file of each format is written."""

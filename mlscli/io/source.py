@@ -47,6 +47,8 @@ class Cloud:
         When it was recorded, in seconds; NaN where not known.
     is_ranged : bool
         Whether a laser measured it, as `Keyframe` has it.
+    is_sifted : bool
+        Whether its format says which points are no measurements, so that those are none any more.
     """
 
     points: Float64
@@ -59,6 +61,7 @@ class Cloud:
     unmeasured: tuple[tuple[str, int], ...] = ()
     logged: float = math.nan
     is_ranged: bool = False
+    is_sifted: bool = False
 
     @property
     def has_position(self) -> bool:

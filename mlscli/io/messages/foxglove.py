@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.io.messages.laserscan import polar
+from mlscli.io.messages.laserscan import directions, polar
 from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of, placed
 from mlscli.io.messages.pointcloud2 import Packed, PointField
 from mlscli.io.plausibility.ranges import measured
@@ -50,9 +50,9 @@ def decode_foxglove_laserscan(message: Any) -> list[CloudPart]:
     """Decode a ``foxglove.LaserScan``: beams are spread evenly from the first to the last angle."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
     angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
-    beams, unmeasured = measured(ranges, 0.0, np.inf).accepted(MalformedCloudError)
-    part = _part(message, polar(np.where(beams, ranges, np.nan), angles), None)
-    return [part._replace(unmeasured=unmeasured, is_ranged=True)]
+    hits, unmeasured = measured(ranges, 0.0, np.inf).accepted(MalformedCloudError)
+    part = _part(message, polar(hits, directions(angles)), None)
+    return [part._replace(unmeasured=unmeasured, is_ranged=True, is_sifted=True)]
 
 
 def _part(message: Any, points: Float64, keyframes: Array | None) -> CloudPart:

@@ -44,6 +44,8 @@ class CloudPart(NamedTuple):
         Why points are NaN, and how many; those of which nothing more is known are left out.
     is_ranged : bool
         Whether a laser measured it.
+    is_sifted : bool
+        Whether all that is no measurement is NaN, as ranges tell it.
     """
 
     points: Float64
@@ -54,6 +56,7 @@ class CloudPart(NamedTuple):
     doubts: tuple[str, ...] = ()
     unmeasured: tuple[tuple[str, int], ...] = ()
     is_ranged: bool = False
+    is_sifted: bool = False
 
     def split(self) -> list[Float64]:
         """Return the points (N, 3) of each keyframe, in order of first appearance."""

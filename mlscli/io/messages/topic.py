@@ -227,6 +227,7 @@ class TopicSource:
                         unmeasured=told,
                         logged=logged,
                         is_ranged=part.is_ranged,
+                        is_sifted=part.is_sifted,
                     )
                     for points in part.split()
                 ]

@@ -26,9 +26,9 @@ _OFTENER = 5
 _SAMPLE = 64
 """Points that are compared with each other."""
 
-_GLANCE = 1024
-"""Of more points, so many are looked at first: zeros that pile up are missed once in 30,000 times
-where they are as few as can be."""
+_ALL, _GLANCE = 4096, 1024
+"""Of more points than the first, so many as the second are looked at to begin with: zeros that pile
+up are missed once in 30,000 times where they are as few as can be."""
 
 
 def without_zeros(points: Float64) -> Finding[Bool]:
@@ -74,7 +74,7 @@ def _all(count: int) -> Bool:
 def _are_apart(points: Float64) -> bool:
     """Return whether no point that is looked at lies at zero; the first coordinate mostly tells."""
     first, places = points[:, 0], None
-    if len(points) > _GLANCE:
+    if len(points) > _ALL:
         places = _some(len(points))
         first = first[places]
     if np.count_nonzero(first) == len(first):

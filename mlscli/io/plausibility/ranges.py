@@ -13,12 +13,13 @@ Informational Distance Measurements.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.io.plausibility.finding import Finding, doubted, right
-from mlscli.runtime.arrays import Bool, Float64
+from mlscli.io.plausibility.finding import Finding
+from mlscli.runtime.arrays import Float64
 
 OUT_OF_RANGE, NOTHING_HIT = "out of range", "nothing hit"
 """Why a range is no measurement, though it is a number."""
@@ -36,21 +37,22 @@ _NEAR = 0.98
 
 
 class Measured(NamedTuple):
-    """Which beams of a scan have measured something.
+    """What the beams of a scan have measured.
 
     Attributes
     ----------
-    beams : bool (N,)
+    ranges : float64 (N,)
+        NaN where nothing was measured.
     unmeasured : tuple of (str, int)
         Why other beams have not, and how many; those that are not finite are left out.
     """
 
-    beams: Bool
+    ranges: Float64
     unmeasured: tuple[tuple[str, int], ...]
 
 
 def measured(ranges: Float64, low: float, high: float) -> Finding[Measured]:
-    """Return which ranges are measurements.
+    """Return the ranges that are measurements.
 
     Parameters
     ----------
@@ -67,19 +69,34 @@ def measured(ranges: Float64, low: float, high: float) -> Finding[Measured]:
     low = low if low > 0 else 0.0
     if not high > low:
         notes.append("range_max is not set; every range above 0 is taken")
-        low, high = 0.0, np.inf
-    beams = (ranges > 0) & (ranges <= min(high, _LARGEST))
-    if low > 0:
-        beams &= ranges >= low
-    counts = {OUT_OF_RANGE: int(np.count_nonzero(np.isfinite(ranges) & ~beams))}
-    far = ranges[beams & (ranges >= _NEAR * high)]
-    if len(far) >= _LEAST:
-        farthest, times = np.unique(far, return_counts=True)
-        piled = farthest[(times >= _LEAST) & (times > _SHARE * len(ranges))]
-        if len(piled):
-            # Where nothing is hit, nothing is farther.
-            counts[NOTHING_HIT] = int(np.count_nonzero(far >= piled[0]))
-            beams &= ranges < piled[0]
-            notes.append("beams that share one range, next to range_max, have hit nothing")
-    found = Measured(beams, tuple((reason, count) for reason, count in counts.items() if count))
-    return doubted(found, "; ".join(notes)) if notes else right(found)
+        low, high = 0.0, math.inf
+    beams = ranges >= low if low > 0 else ranges > 0
+    beams &= ranges <= min(high, _LARGEST)
+    hits = int(np.count_nonzero(beams))
+    unmeasured = []
+    if hits < len(ranges) and (out := int(np.count_nonzero(np.isfinite(ranges))) - hits):
+        unmeasured.append((OUT_OF_RANGE, out))
+    ranges = np.where(beams, ranges, np.nan)
+    pile = _pile(ranges, _NEAR * high)
+    if pile is not None:
+        # Where nothing is hit, nothing is farther.
+        missed = ranges >= pile
+        ranges[missed] = np.nan
+        unmeasured.append((NOTHING_HIT, int(np.count_nonzero(missed))))
+        notes.append("beams that share one range, next to range_max, have hit nothing")
+    return Finding(Measured(ranges, tuple(unmeasured)), "; ".join(notes))
+
+
+def _pile(ranges: Float64, near: float) -> float | None:
+    """Return the least range from `near` on that beams pile up at; None where they do not."""
+    fewest = max(_LEAST, int(_SHARE * len(ranges)) + 1)
+    far = ranges >= near
+    # Mostly few are, and that number is all that is looked at.
+    count = int(np.count_nonzero(far))
+    if count < fewest:
+        return None
+    those = ranges[far]
+    those.sort()
+    alike = those[fewest - 1 :] == those[: count - fewest + 1]
+    first = alike.argmax()
+    return float(those[first]) if alike[first] else None

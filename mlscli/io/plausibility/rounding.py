@@ -17,20 +17,49 @@ _FEWEST, _MOST = 32, 1024
 _SHARE = 0.2
 """Of numbers that were rounded, at least so many are odd times the step, and so many even times."""
 
+_GLANCE, _FEW = 32, 0.1
+"""If of so many of the points fewer are odd times the step on both axes, no more are looked at."""
+
+_MANTISSA = 23
+"""The bits of float32 below its exponent."""
+
 
 def lost_step(points: Float64) -> float:
     """Return the step to which a horizontal coordinate of points (N, 3) was rounded; 0 if none."""
-    some = points[:: len(points) // _MOST + 1, :2]
-    some = some[np.isfinite(some).all(axis=1)]
-    if len(some) < _FEWEST or np.abs(some).max() > 1e9:
+    few = _some(points, _GLANCE)
+    if max(_odd(few[0]), _odd(few[1])) < _FEW:
+        return 0.0
+    some = _some(points, _MOST)
+    if some.shape[1] < _FEWEST or np.abs(some).max() > 1e9:
         return 0.0
     step = 0.0
-    for axis in (0, 1):
-        own = some[:, axis]
-        if (own != own.astype(np.float32)).any():
-            continue
-        finest = float(np.spacing(np.abs(own).min().astype(np.float32)))
-        odd = float((own / finest % 2 == 1).mean())
-        if _SHARE <= odd <= 1 - _SHARE and (some[:, 1 - axis] % finest).any():
-            step = max(step, finest)
+    for own, other in (some, some[::-1]):
+        if _SHARE <= _odd(own) <= 1 - _SHARE:
+            finest = float(np.spacing(np.abs(own).min().astype(np.float32)))
+            step = max(step, finest if (other % finest).any() else 0.0)
     return step
+
+
+def _some(points: Float64, most: int) -> Float64:
+    """Return x and y, (2, M), of some of the points, without those that are not finite."""
+    some = np.ascontiguousarray(points[:: len(points) // most + 1, :2].T)
+    finite = np.isfinite(some)
+    return some if finite.all() else some[:, finite.all(axis=0)]
+
+
+def _odd(numbers: Float64) -> float:
+    """Return the share of numbers (N,) that are odd times the step that float32 has at the least.
+
+    It is 0 where one of them is none that float32 has.
+    """
+    with np.errstate(over="ignore"):
+        single = numbers.astype(np.float32)
+    if not len(numbers) or (single != numbers).any():
+        return 0.0
+    bits = single.view(np.uint32)
+    odd = (bits & 1).astype(np.bool_)
+    if np.count_nonzero(odd) < _FEW * len(odd):
+        return 0.0
+    # Numbers with larger exponents are even times that step.
+    exponents = bits >> _MANTISSA & 0xFF
+    return np.count_nonzero(odd & (exponents == exponents.min())) / len(odd)

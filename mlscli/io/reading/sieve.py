@@ -22,8 +22,8 @@ _Filter: TypeAlias = tuple[str, Callable[[Float64], Bool]]
 # Why points are dropped, and a function that returns for points (N, 3) which are kept, (N,).
 
 
-_LOOKED_AT = 32
-"""So many clouds, and one in so many of the others, are looked at for piles."""
+_LONGER = 1.25
+"""Where a recording is so many times longer, one more cloud is looked at for piles and digits."""
 
 
 class Sieve:
@@ -43,6 +43,7 @@ class Sieve:
         self, tally: Tally, crop: Sequence[float] | None = None, *, cumulative: bool = False
     ) -> None:
         self._tally = tally
+        self._due = 0.0
         self._filters: list[_Filter] = []
         if crop is not None:
             low, high = np.array(crop, dtype=np.float64).reshape(3, 2).T
@@ -66,12 +67,15 @@ class Sieve:
 
         Of points that pile up elsewhere or are rounded `Tally` is told, but not of all clouds.
         """
+        if cloud.is_sifted:
+            return cloud
         found = without_zeros(cloud.points)
         kept = found.accepted(ValueError)
         if found.note:
             self._tally.zeros += len(kept) - int(np.count_nonzero(kept))
             cloud = replace(cloud, points=self._kept(cloud.points, NO_RETURN, kept))
-        if self._tally.keyframes <= _LOOKED_AT or not self._tally.keyframes % _LOOKED_AT:
+        if self._tally.keyframes >= self._due:
+            self._due = max(self._tally.keyframes + 1, _LONGER * self._tally.keyframes)
             self._tally.step = max(self._tally.step, lost_step(cloud.points))
             piled = pile(cloud.points)
             if piled.value and not self._tally.pile:

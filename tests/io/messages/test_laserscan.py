@@ -56,6 +56,16 @@ def test_angles_are_computed_in_float64_from_the_recorded_ones(encoding: str) ->
     )
 
 
+def test_each_scan_goes_by_its_own_angles() -> None:
+    scans = [
+        decode("cdr", angle_min=low, angle_increment=step, ranges=[2.0] * count).points
+        for low, step, count in [(0, 0.5, 3), (0.1, 0.5, 3), (0, 0.25, 3), (0, 0.5, 4), (0, 0.5, 3)]
+    ]
+
+    angles = [np.arctan2(points[:, 1], points[:, 0]).round(6).tolist() for points in scans]
+    assert angles == [[0, 0.5, 1], [0.1, 0.6, 1.1], [0, 0.25, 0.5], [0, 0.5, 1, 1.5], [0, 0.5, 1]]
+
+
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_beams_that_hit_nothing_are_no_numbers_and_keep_their_place(encoding: str) -> None:
     ranges = [0.99, 1.0, 8.0, 8.01, math.inf, -math.inf, math.nan, 0.0, 2.0]

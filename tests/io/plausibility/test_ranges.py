@@ -12,8 +12,9 @@ import math
 import numpy as np
 import pytest
 
-from mlscli.io.plausibility.ranges import NOTHING_HIT, OUT_OF_RANGE, measured
-from mlscli.runtime.arrays import Float64
+from mlscli.io.plausibility.finding import Finding
+from mlscli.io.plausibility.ranges import NOTHING_HIT, OUT_OF_RANGE, Measured, measured
+from mlscli.runtime.arrays import Bool, Float64
 
 ANGLES = np.linspace(-1.0, 1.0, 721)
 
@@ -23,14 +24,21 @@ def wall(distance: float, step: float = 0.001) -> Float64:
     return np.round(distance / np.cos(ANGLES) / step) * step
 
 
+def beams(found: Finding[Measured]) -> Bool:
+    return np.asarray(~np.isnan(found.accepted(ValueError).ranges))
+
+
+def unmeasured(found: Finding[Measured]) -> dict[str, int]:
+    return dict(found.accepted(ValueError).unmeasured)
+
+
 @pytest.mark.parametrize("distance", [1.0, 16.0, 29.6, 29.999])
 @pytest.mark.parametrize("step", [0.001, 0.01])
 def test_walls_are_walls_as_far_as_the_bound(distance: float, step: float) -> None:
     ranges = wall(distance, step)
     found = measured(ranges, 0.1, 30.0)
 
-    assert found.value is not None
-    np.testing.assert_array_equal(found.value.beams, ranges <= 30)
+    np.testing.assert_array_equal(beams(found), ranges <= 30)
     assert not found.note
 
 
@@ -40,9 +48,8 @@ def test_beams_that_pile_up_at_the_bound_hit_nothing(value: float) -> None:
     ranges[100:140] = value
     found = measured(ranges, 0.1, 30.0)
 
-    assert found.value is not None
-    np.testing.assert_array_equal(np.flatnonzero(~found.value.beams), np.arange(100, 140))
-    assert found.value.unmeasured == ((NOTHING_HIT, 40),)
+    np.testing.assert_array_equal(np.flatnonzero(~beams(found)), np.arange(100, 140))
+    assert unmeasured(found) == {NOTHING_HIT: 40}
     assert "hit nothing" in found.note
 
 
@@ -51,8 +58,16 @@ def test_what_is_farther_than_nothing_hit_hits_nothing_either() -> None:
     ranges[:300], ranges[7] = 4.0, 29.99
     found = measured(ranges, 0.1, 30.0)
 
-    assert found.value is not None
-    assert found.value.unmeasured == ((NOTHING_HIT, 101),)
+    assert unmeasured(found) == {NOTHING_HIT: 101}
+
+
+def test_of_two_piles_the_nearer_one_bounds_what_is_hit_and_infinite_ranges_are_none() -> None:
+    ranges = np.full(400, math.inf)
+    ranges[:200], ranges[200:220], ranges[220:240], ranges[240:242] = 4.0, 29.6, 29.9, 29.5
+    found = measured(ranges, 0.1, 30.0)
+
+    assert np.flatnonzero(beams(found)).tolist() == [*range(200), 240, 241]
+    assert unmeasured(found) == {NOTHING_HIT: 40}
 
 
 def test_a_few_beams_at_the_bound_and_many_elsewhere_are_walls() -> None:
@@ -60,8 +75,7 @@ def test_a_few_beams_at_the_bound_and_many_elsewhere_are_walls() -> None:
     ranges[:12] = 30.0
     found = measured(ranges, 0.1, 30.0)
 
-    assert found.value is not None
-    assert found.value.beams.all()
+    assert beams(found).all()
     assert not found.note
     # Nor are a few beams many, whatever their share.
     assert not measured(np.array([30.0, 2.0, 30.0]), 0.1, 30.0).note
@@ -71,9 +85,8 @@ def test_ranges_out_of_bounds_are_counted_and_what_is_not_finite_is_not_among_th
     ranges = np.array([2.0, 0.05, 31.0, 0.0, -1.0, math.inf, -math.inf, math.nan, 30.0])
     found = measured(ranges, 0.1, 30.0)
 
-    assert found.value is not None
-    assert found.value.beams.tolist() == [True, *[False] * 7, True]
-    assert found.value.unmeasured == ((OUT_OF_RANGE, 4),)
+    assert beams(found).tolist() == [True, *[False] * 7, True]
+    assert unmeasured(found) == {OUT_OF_RANGE: 4}
 
 
 @pytest.mark.parametrize(
@@ -82,8 +95,7 @@ def test_ranges_out_of_bounds_are_counted_and_what_is_not_finite_is_not_among_th
 def test_bounds_that_are_not_set_bound_nothing(low: float, high: float) -> None:
     found = measured(np.array([2.0, 0.0, -1.0, 80.0, math.inf]), low, high)
 
-    assert found.value is not None
-    assert found.value.beams.tolist() == [True, False, False, True, False]
+    assert beams(found).tolist() == [True, False, False, True, False]
     assert "range_max is not set" in found.note
 
 
@@ -91,14 +103,12 @@ def test_bounds_that_are_not_set_bound_nothing(low: float, high: float) -> None:
 def test_a_lower_bound_that_is_not_set_leaves_the_upper_one(low: float) -> None:
     found = measured(np.array([2.0, 0.0, 80.0]), low, 30.0)
 
-    assert found.value is not None
-    assert found.value.beams.tolist() == [True, False, False]
+    assert beams(found).tolist() == [True, False, False]
     assert not found.note
 
 
 def test_an_upper_bound_may_be_infinite() -> None:
     found = measured(np.array([2.0, math.inf, 80.0, 80.0, 80.0]), 0.1, math.inf)
 
-    assert found.value is not None
-    assert found.value.beams.tolist() == [True, False, True, True, True]
+    assert beams(found).tolist() == [True, False, True, True, True]
     assert not found.note
