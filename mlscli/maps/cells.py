@@ -140,8 +140,7 @@ class CellSet:
     def widened(self, reach: int) -> CellSet:
         """Return the set of all cells within `reach` of this one, in x and in y."""
         wider = CellSet(self.keys, self.reach + reach)
-        # The cells listed are the same, and a batch asks for those of many such sets.
-        wider.__dict__["_strips"] = self._strips
+        wider.__dict__["_known"] = self._known
         return wider
 
     def contains(self, ix: Array, iy: Array) -> Bool:
@@ -161,18 +160,19 @@ class CellSet:
             How many strips are not too many. `_FEW_STRIPS` never are, nor those of a set that is
             not widened.
         """
-        strips = self._strips
-        if self.reach == 0:
-            return strips
-        square = (2 * self.reach + 1) * ((2 * self.reach >> STRIP_BITS) + 2)
-        if len(strips.number) * square > max(_FEW_STRIPS, most):
-            return None
-        return Strips(*widened(*strips, self.reach))
+        known = self._known
+        if self.reach not in known:
+            square = (2 * self.reach + 1) * ((2 * self.reach >> STRIP_BITS) + 2)
+            if len(known[0].number) * square > max(_FEW_STRIPS, most):
+                return None
+            nearest = max(reach for reach in known if reach < self.reach)
+            known[self.reach] = Strips(*widened(*known[nearest], nearest, self.reach))
+        return known[self.reach]
 
     @cached_property
-    def _strips(self) -> Strips:
-        """The listed cells as strips."""
-        return Strips(*strips_of(self.keys))
+    def _known(self) -> dict[int, Strips]:
+        """The strips of this set, narrower or wider, by their reach: a batch asks for many."""
+        return {0: Strips(*strips_of(self.keys))}
 
     def strips_among(self, numbers: UInt64) -> Strips:
         """Return the cells of the set that lie in some strips, given by ascending numbers."""

@@ -58,19 +58,20 @@ def strips_of(cells: UInt64) -> tuple[UInt64, UInt64]:
 
 
 @kernel
-def widened(number: UInt64, bits: UInt64, reach: int) -> tuple[UInt64, UInt64]:
+def widened(number: UInt64, bits: UInt64, covered: int, reach: int) -> tuple[UInt64, UInt64]:
     """Return the strips of all cells within `reach` of a set, in x and in y.
 
-    The set is widened in steps: each adds copies of it, moved to both sides. A step is at most one
-    cell longer than the set was widened before: a longer one would leave a hole at an edge of the
-    grid, where one copy may be lost. Along columns first, which makes few strips more.
+    Given are those within `covered` of it, which is less. The set is widened in steps: each adds
+    copies of it, moved to both sides. A step is at most one cell longer than the set was widened
+    before: a longer one would leave a hole at an edge of the grid, where one copy may be lost.
+    Along columns first, which makes few strips more.
     """
     for across in (ZERO, ONE):
-        covered = ZERO
-        while covered < reach:
-            step = min(covered + 1, reach - covered)
+        done = covered
+        while done < reach:
+            step = min(done + 1, reach - done)
             number, bits = _spread(number, bits, step * across, step * (1 - across))
-            covered += step
+            done += step
     return number, bits
 
 
