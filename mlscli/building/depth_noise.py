@@ -76,7 +76,7 @@ class DepthNoise:
 
     def add(self, keyframe: Keyframe) -> None:
         """Take the next keyframe; only triangulated points with a position tell anything."""
-        if keyframe.is_ranged:
+        if keyframe.is_ranged or not np.isfinite(keyframe.position).all():
             return
         inside = (np.abs(keyframe.points - keyframe.position) <= FARTHEST).all(axis=1)
         if not inside.any():

@@ -7,6 +7,7 @@ Finally they are joined in the file's order, band by band.
 
 from __future__ import annotations
 
+import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -56,6 +57,12 @@ if TYPE_CHECKING:
 # Bytes of memory, at most, for sorting a point, for knowing where the points of a block lie, for
 # putting a patch in order, and for running the final stages on a patch.
 SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
+
+# What threads, kernels and numpy take besides what is counted.
+UNCOUNTED = 32 * 2**20
+
+# So many points are sorted at a time, even where memory is left for fewer.
+LEAST_SORTED = 20_000
 
 # Free space may take one of so many parts of what the points leave.
 FREE_SHARE = 3
@@ -189,6 +196,7 @@ class _LargeMapBuilder:
         self._held = 0
         # The room for points is what the program itself, with its kernels loaded, leaves.
         growing_map(self._pipeline)
+        give_back()
         self._room = memory - resident()
         if self._room < LEAST_BYTES:
             raise too_little(memory, memory - self._room + LEAST_BYTES)
@@ -262,11 +270,16 @@ class _LargeMapBuilder:
         """Store the points of all batches on disk."""
         self._held = 0
         points = self._gatherer.take_points()
-        if self._asked is not None:
-            with self.report.timed("sizes"):
-                self._asked.add(points.xyz)
-        with self.report.timed("sorting"):
-            self._blocks.add(points)
+        # A keyframe can be far larger than what memory is left for sorting.
+        most = max(self._left // 2 // SORTED, LEAST_SORTED)
+        for begin in range(0, points.size, most):
+            some = points.take(slice(begin, begin + most))
+            if self._asked is not None:
+                with self.report.timed("sizes"):
+                    self._asked.add(some.xyz)
+            with self.report.timed("sorting"):
+                self._blocks.add(some)
+        del points
         if self._left < LEAST_BYTES:
             least = self._memory - self._left + LEAST_BYTES
             what = f"the points lie in {self._blocks.entries:,} blocks, which have to be listed"
@@ -349,10 +362,17 @@ def too_little(memory: int, least: int, why: str = "") -> UsageError:
     )
 
 
+def give_back() -> None:
+    """Give memory that is free within the program back to the system, where glibc can do so."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
 def resident() -> int:
-    """Return how many bytes of memory the program takes now; a guess where there is no /proc."""
+    """Return how many bytes the program takes, with what nobody counts; a guess without /proc."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:
         return 300 * 2**20
-    return pages * os.sysconf("SC_PAGE_SIZE")
+    return pages * os.sysconf("SC_PAGE_SIZE") + UNCOUNTED

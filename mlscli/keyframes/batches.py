@@ -82,9 +82,10 @@ def gather(keyframes: Iterable[Keyframe], first: int = 0) -> Batch:
     sizes = [len(cloud) for cloud in clouds]
     xyz = clouds[0] if len(clouds) == 1 else np.concatenate([np.empty((0, 3)), *clouds])
     whole = np.array(route, dtype=np.float64).reshape(-1, 4)
-    points = Points.of(
-        np.ascontiguousarray(xyz), np.repeat(numbers, sizes), np.repeat(whole[:, 1:], sizes, axis=0)
-    )
+    # Where no position is known, none takes memory.
+    is_known = bool(np.isfinite(whole[:, 1:]).any())
+    positions = np.repeat(whole[:, 1:], sizes, axis=0) if is_known else None
+    points = Points.of(np.ascontiguousarray(xyz), np.repeat(numbers, sizes), positions)
     return Batch(points, whole)
 
 

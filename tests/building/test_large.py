@@ -22,9 +22,11 @@ from mlscli.building.large import build_large
 from mlscli.errors import InputError, OutputError, UsageError
 from mlscli.io.reading.recording import open_recording
 from mlscli.io.writing.npz import read_map, write_map
+from mlscli.keyframes.batches import Points
 from mlscli.maps.summary import describe
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.tilewise import tiles as tilewise
+from mlscli.pipeline.tilewise.blocks import PointBlocks
 from tests.helpers.bags import Sent, write_bag
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data/samples/bridge.txt"
@@ -41,6 +43,7 @@ def little(monkeypatch: pytest.MonkeyPatch) -> int:
     monkeypatch.setattr(large, "SORTED", large.LEAST_BYTES // 800)
     monkeypatch.setattr(large, "ORDERED", large.LEAST_BYTES // 100)
     monkeypatch.setattr(large, "COMFORTABLE_POINTS", 1500)
+    monkeypatch.setattr(large, "LEAST_SORTED", 1)
     monkeypatch.setattr(large, "resident", lambda: 100 * 2**20)
     return 100 * 2**20 + 2 * large.LEAST_BYTES
 
@@ -87,6 +90,25 @@ def test_the_gap_is_found_on_disk_as_in_memory(
         large_map = read_map(tmp_path / f"{number}.npz")
         assert large_map == expected
         assert large_map.meta == expected.meta
+
+
+def test_a_keyframe_is_sorted_in_parts_where_memory_is_left_for_few_points(
+    little: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sorted_at_once: list[int] = []
+    add = PointBlocks.add
+
+    def counted(blocks: PointBlocks, points: Points) -> None:
+        sorted_at_once.append(points.size)
+        add(blocks, points)
+
+    monkeypatch.setattr(PointBlocks, "add", counted)
+    recording = open_recording(np.random.default_rng(1).uniform(0, (20, 20, 2), (5_000, 3)))
+    with build_large(recording, parameters(), little, scratch=tmp_path) as made:
+        write_map(tmp_path / "large.npz", made.surface)
+    assert sum(sorted_at_once) == 5_000
+    assert max(sorted_at_once) <= 800
+    assert read_map(tmp_path / "large.npz") == build(recording, parameters()).surface
 
 
 def test_what_memory_cannot_do_is_refused_with_what_it_takes(little: int) -> None:

@@ -32,7 +32,7 @@ from mlscli.io.clouds.rows import LONGEST_ROW, BrokenRowError, Rows, blocks, par
 from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.io.plausibility.counts import more_than
 from mlscli.io.source import Cloud, rows_by_first_appearance
-from mlscli.runtime.arrays import Array, Float64, Int64
+from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 from mlscli.words import some, verb
 
 
@@ -61,16 +61,17 @@ class TextCloud(PointFile):
         """Return a cloud for each keyframe, with the time and pose in its first row."""
         table = _Parser(self.path, self._columns).parse()
         xyz = table.columns("x", "y", "z")
-        found = in_seconds(table.column("t"))
+        found = in_seconds(table.column("t") if "t" in table.names else np.empty(0))
         stamps = found.accepted(InputError)
         notes = [*table.notes, *([f"{self.path}: {found.note}"] if found.note else [])]
         keyframes = rows_by_first_appearance(table.labels)
         each = np.array([rows[0] for rows in keyframes], dtype=np.int64)
         first = table.at(each)
+        times = stamps[each] if len(stamps) else np.full(len(each), math.nan)
         clouds = []
         for rows, stamp, position, attitude in zip(
             keyframes,
-            stamps[each].tolist(),
+            times.tolist(),
             first.columns(*CENTRE).tolist(),
             first.columns(*ATTITUDE).tolist(),
             strict=True,
@@ -80,7 +81,7 @@ class TextCloud(PointFile):
             # All rows are in order.
             points = xyz if len(keyframes) == 1 else xyz[rows]
             clouds.append(Cloud(points, stamp, (x, y, z), attitude=(qx, qy, qz, qw)))
-        return Content(clouds, notes, table.losses, stamps)
+        return Content(clouds, notes, table.losses, stamps[np.isfinite(stamps)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,18 +153,27 @@ class _Parser:
         InputError
             No more than half of the lines can be read, or not the first one.
         """
-        parts = list(self._parts())
-        rows = sum(len(part.values) for part in parts)
+        values, starts, odd = np.empty((0, len(self.layout.places))), list[Bool](), 0
+        for part in self._parts():
+            if values.shape[1] > len(self.layout.places):
+                # The fourth column turned out to be no keyframe.
+                values = values[:, : len(self.layout.places)].copy()
+            rows = len(values)
+            # Where it lies, if it can: two copies of all numbers are more than they need.
+            values.resize((rows + len(part.values), values.shape[1]), refcheck=False)
+            values[rows:] = part.values
+            starts.append(part.after_blank)
+            odd += part.odd
+        rows = len(values)
         if self._broken and self._broken >= rows:
             raise InputError(self._first_fault)
-        if not parts:
+        if not starts:
             raise InputError(f"{self.path}: holds no points; {self.losses[0]}")
         if self._broken:
             self.losses.append(
                 f"{self._first_fault}; {self._broken:,} of {some(rows + self._broken, 'row')} "
                 "cannot be read"
             )
-        odd = sum(part.odd for part in parts)
         names = list(self.layout.places)
         notes = [*self.layout.notes, *self.notes]
         if odd and self.layout.most is None:
@@ -182,9 +192,7 @@ class _Parser:
             notes.append(f"{self.path}: {more_than(declared, rows)}")
         elif declared is not None and rows + self._broken < declared:
             self.losses.append(shortfall(self.path, rows + self._broken, declared))
-        # Blocks read before the fourth column turned out to be no keyframe still hold it.
-        values = np.concatenate([part.values[:, : len(names)] for part in parts])
-        labels: Array = np.cumsum(np.concatenate([part.after_blank for part in parts]))
+        labels: Array = np.cumsum(np.concatenate(starts))
         if "keyframe" in names:
             labels = values[:, names.index("keyframe")]
         elif "t" in names:
