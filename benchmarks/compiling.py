@@ -160,17 +160,14 @@ def _write_clouds() -> None:
 
 
 def _ask_for_space(path: str) -> None:
-    """Ask a map about places, a way and what changed; put its free space together with itself."""
+    """Ask a map about places and a way, and put its free space together with itself."""
     from mlscli import clearance, read_map, space_at
-    from mlscli.maps.change import Change
-    from mlscli.maps.records import records_of
 
     surface = read_map(path)
     assert surface.free is not None
     space_at(surface, np.zeros((1, 3)))
     clearance(surface, np.zeros((1, 3)), 0.2, 0.2)
     surface.free.union(surface.free)
-    Change.between(records_of(surface), records_of(surface), surface.grid)
 
 
 @click.command()

@@ -26,6 +26,12 @@ def with_part(rows: UInt64, cells: CellSet, others: UInt64) -> UInt64:
     return both
 
 
+def missing(rows: UInt64, others: UInt64) -> UInt64:
+    """Return the rows that are not among others, compared bit for bit."""
+    whole = np.dtype((np.void, rows.itemsize * rows.shape[1]))
+    return rows[~np.isin(rows.view(whole).ravel(), others.view(whole).ravel())]
+
+
 def _strips(cells: CellSet, *rows: UInt64) -> Strips:
     """Return a set as strips; where it has too many, only those with rows."""
     strips = cells.strips(most=STRIP_CELLS * sum(map(len, rows)))
@@ -162,18 +168,3 @@ def note_missing(
         if not there:
             noted = copied(rows, begin + i, ONE, missing, noted)
     return noted
-
-
-@kernel
-def missing(rows: UInt64, others: UInt64) -> UInt64:
-    """Return the rows that are not among others, compared bit for bit; both ascend by cell."""
-    apart = np.empty_like(rows)
-    noted = first = ZERO
-    for i in range(len(rows)):
-        while first < len(others) and others[first, 0] < rows[i, 0]:
-            first += 1
-        last = first
-        while last < len(others) and others[last, 0] == rows[i, 0]:
-            last += 1
-        noted = note_missing(rows, i, ONE, others, first, last - first, apart, noted)
-    return apart[:noted]

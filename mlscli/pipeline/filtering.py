@@ -255,12 +255,10 @@ def _chosen(rows: UInt64, floats: Float64, cells: UInt64, cell_size: float) -> t
     ascend : bool
     """
     placed, ascend = np.empty_like(rows), True
-    size = at = ZERO
+    size = ZERO
     for i in range(len(rows)):
         place = _place_of(rows, floats, i, cell_size)
-        # Mostly the places ascend, as few points are moved.
-        if at == len(cells) or cells[at] != place:
-            at = place_of(cells, place)
+        at = place_of(cells, place)
         if at < len(cells) and cells[at] == place:
             copied(rows, i, ONE, placed, size)
             placed[size, _CELL] = place

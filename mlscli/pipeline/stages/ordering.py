@@ -165,16 +165,17 @@ def _order_bands(
         numbers = order[begin:end].copy()
         x, y = np.empty(end - begin, dtype=np.int32), np.empty(end - begin, dtype=np.int32)
         fetched = np.empty(end - begin)
-        for i, number in enumerate(numbers):
+        for i in range(end - begin):
+            number = numbers[i]
             x[i], y[i], fetched[i] = ix[number], iy[number], z[number]
         keys, shift = _packed(x, y, fetched)
         keys, places = _sorted(keys, _numbers(end - begin))
         for i in range(end - begin):
             order[begin + i], heights[begin + i] = numbers[places[i]], fetched[places[i]]
         start = _starts(keys, np.uint64(shift), begin)
-        for first in start[:-1]:
-            place = places[first - begin]
-            cell_x[cells], cell_y[cells], starts[cells] = x[place], y[place], first
+        for run in range(len(start) - 1):
+            place = places[start[run] - begin]
+            cell_x[cells], cell_y[cells], starts[cells] = x[place], y[place], start[run]
             cells += 1
         _ascend(start, order, heights)
     starts[cells] = bands[-1]

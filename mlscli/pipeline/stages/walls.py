@@ -194,15 +194,16 @@ def drawn_out(surface: SurfaceMap, farthest: float) -> SurfaceMap:
     low = surface.low_end
     foot, top = low.copy(), surface.height.copy()
 
-    def draw(begin: int, end: int) -> bool:
-        return _draw_out(
+    def draw(begin: int, end: int) -> None:
+        _draw_out(
             begin, end, *surface.cells, low, surface.height, surface.depth,
             farthest, surface.gap_size, foot, top,
         )  # fmt: skip
 
-    if not any(in_ranges(len(surface.cells.ix), draw, weight=LIGHT)):
-        return surface
+    in_ranges(len(surface.cells.ix), draw, weight=LIGHT)
     moved = (foot < low) | (top > surface.height)
+    if not moved.any():
+        return surface
     return surface.with_columns(height=top, depth=np.where(moved, top - foot, surface.depth))
 
 
@@ -220,8 +221,8 @@ def _draw_out(
     gap_size: float,
     foot: Float64,
     top: Float64,
-) -> bool:
-    """Find new ends of the vertical patches in cells `begin` to `end`; return if there may be any.
+) -> None:
+    """Find new ends of the vertical patches in cells `begin` to `end`.
 
     Parameters
     ----------
@@ -241,7 +242,6 @@ def _draw_out(
         Receive the lower and upper ends of the patches of these cells.
     """
     first = np.full(3, -1, dtype=np.int64)
-    moved = False
     for cell in range(begin, end):
         x, y = np.int64(ix[cell]), np.int64(iy[cell])
         reached = -np.inf
@@ -259,9 +259,7 @@ def _draw_out(
                             highest = max(highest, high[j])
                     there += 1
             foot[i], top[i] = lowest, highest
-            moved |= lowest < low[i] or highest > high[i]
             # Two ends that would meet stay where they are.
             if i > start[cell] and lowest - reached <= gap_size:
                 foot[i], top[i - 1] = low[i], high[i - 1]
             reached = highest
-    return moved
