@@ -8,7 +8,7 @@ Vertices have ``x y z`` (double), ``red green blue`` (uchar) and ``origin`` (int
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,9 +24,15 @@ from mlscli.mesh import Mesh, mesh_of
 # Face and edge elements count vertices in int32.
 MAX_PLY_VERTICES = 2**31 - 1
 
-VERTEX = np.dtype([("xyz", "<f8", 3), ("rgb", "u1", 3), ("origin", "<i4")])
-FACE = np.dtype([("corners", "u1"), ("vertices", "<i4", 3)])
-EDGE = np.dtype([("vertices", "<i4", 2)])
+# Numbers that stand together are moved as one, in a third of the time.
+VERTEX = np.dtype([("xyz", "V24"), ("rgb", "V3"), ("origin", "<i4")])
+FACE = np.dtype([("corners", "u1"), ("vertices", "V12")])
+EDGE = np.dtype([("vertices", "V8")])
+
+_NUMBERS = {"xyz": "<f8", "rgb": "u1", "vertices": "<i4"}
+
+# Records that are made at a time: they stay in the cache until they are written.
+_BLOCK = 1 << 14
 
 
 def write_ply(
@@ -81,16 +87,21 @@ def _header(mesh: Mesh) -> str:
 
 
 def _elements(mesh: Mesh) -> Iterator[Array]:
-    """Yield the records of each element, in the order of the header."""
-    vertices = np.empty(len(mesh.vertices), dtype=VERTEX)
-    vertices["xyz"] = mesh.vertices
-    vertices["rgb"] = mesh.colours
-    vertices["origin"] = mesh.origin
-    yield vertices
-    faces = np.empty(len(mesh.triangles), dtype=FACE)
-    faces["corners"] = 3
-    faces["vertices"] = mesh.triangles
-    yield faces
-    edges = np.empty(len(mesh.lines), dtype=EDGE)
-    edges["vertices"] = mesh.lines
-    yield edges
+    """Yield the records of each element, in the order of the header, a block at a time."""
+    yield from _records(VERTEX, {"xyz": mesh.vertices, "rgb": mesh.colours, "origin": mesh.origin})
+    yield from _records(FACE, {"corners": np.array(3), "vertices": mesh.triangles})
+    yield from _records(EDGE, {"vertices": mesh.lines})
+
+
+def _records(dtype: np.dtype[np.void], columns: Mapping[str, Array]) -> Iterator[Array]:
+    """Yield records of columns; one without rows is the same in all."""
+    size = max(len(column) for column in columns.values() if column.ndim)
+    for begin in range(0, size, _BLOCK):
+        records = np.empty(min(_BLOCK, size - begin), dtype)
+        for name, column in columns.items():
+            some = column[begin : begin + _BLOCK] if column.ndim else column
+            if column.ndim == 2:
+                number = _NUMBERS[name]
+                some = np.ascontiguousarray(some, dtype=number).view(dtype[name])[:, 0]
+            records[name] = some
+        yield records
