@@ -137,6 +137,12 @@ class LasCloud(PointFile):
                 )
             with open_input(self.path) as file:
                 header = laspy.LasHeader.read_from(_Overlaid(file, self._records))
+            scales = np.asarray(header.scales)
+            if not (np.isfinite(scales) & (scales != 0)).all():
+                raise ValueError(
+                    f"found scales of {', '.join(map(str, scales.tolist()))}, expected numbers "
+                    "other than 0"
+                )
             if not header.are_points_compressed:
                 return header, True, notes
             (packing,) = header.vlrs.get("LasZipVlr")

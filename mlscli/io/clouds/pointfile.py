@@ -14,6 +14,7 @@ import numpy as np
 from mlscli.errors import InputError
 from mlscli.io.plausibility.counts import count_of
 from mlscli.io.plausibility.degrees import are_lengths
+from mlscli.io.plausibility.heights import have_heights
 from mlscli.io.source import (
     Cloud,
     StampedPoses,
@@ -142,7 +143,10 @@ def _doubt(clouds: Sequence[Cloud]) -> str:
     some = [cloud.points[:: total // _LOOKED_AT + 1] for cloud in clouds]
     points = np.concatenate(some) if some else np.empty((0, 3))
     points = points[np.isfinite(points).all(axis=1)]
-    return are_lengths(points.min(axis=0), points.max(axis=0)).note if len(points) else ""
+    if not len(points):
+        return ""
+    found = are_lengths(points.min(axis=0), points.max(axis=0)), have_heights(points)
+    return "; ".join(each.note for each in found if each.note)
 
 
 def wanted_fields(path: Path, names: Iterable[str]) -> list[int] | None:

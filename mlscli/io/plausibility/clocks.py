@@ -27,6 +27,13 @@ _FEWEST, _SHORTEST = 3, 1.0
 """So many messages at least, recorded over so many seconds, tell a delay."""
 
 
+_TOLD, _NEAR = 16, 5.0
+"""So many messages tell how far their stamps are ahead at a time, if they are so near to it (s)."""
+
+_LONG, _DRIFT = 10.0, 1.0
+"""What clocks gain on each other in so long (s) at least is told from so much (s) on."""
+
+
 def in_seconds(stamps: Float64) -> Finding[Float64]:
     """Return time stamps in seconds.
 
@@ -88,6 +95,46 @@ def same_clock(clouds: Float64, poses: Float64) -> Finding[float]:
         ahead,
         f"the stamps of the clouds are {_delayed(delays[0])} their recording, those of the poses "
         f"that move them {_delayed(delays[1])} it",
+    )
+
+
+def same_rate(first: Float64, last: Float64, poses: Float64) -> Finding[float]:
+    """Return how far the stamps of clouds ran ahead of those of poses, by when both were recorded.
+
+    Parameters
+    ----------
+    first, last, poses : float64 (N, 2), (M, 2), (K, 2)
+        Stamps and times of recording, in seconds: of clouds at the beginning and at the end, and
+        of all poses.
+
+    Returns
+    -------
+    Finding of float
+        In seconds, from the beginning to the end; doubted where it is more than the time of
+        recording is uncertain by. 0 where too little was recorded, or nothing is steady.
+    """
+    poses = _known(poses)
+    ahead, between = [], []
+    for some in (_known(first)[:_TOLD], _known(last)[-_TOLD:]):
+        if len(some) < _FEWEST or len(poses) < _TOLD:
+            return right(0.0)
+        middle = float(np.median(some[:, 1]))
+        begin = int(np.searchsorted(poses[:, 1], middle)) - _TOLD // 2
+        near = poses[max(0, min(begin, len(poses) - _TOLD)) :][:_TOLD]
+        if not near[0, 1] - _NEAR <= middle <= near[-1, 1] + _NEAR:
+            return right(0.0)
+        ways = [each[:, 0] - each[:, 1] for each in (some, near)]
+        ahead.append(float(np.median(ways[0]) - np.median(ways[1])))
+        between.append((middle, max(float(np.ptp(way)) for way in ways)))
+    (begun, _), (ended, _) = between
+    gained = ahead[1] - ahead[0]
+    unsteady = max(spread for _, spread in between)
+    if ended - begun < _LONG or abs(gained) <= max(_DRIFT, unsteady):
+        return right(gained)
+    return doubted(
+        gained,
+        f"the stamps of the clouds {'gain' if gained > 0 else 'lose'} {abs(gained):.1f} s on those "
+        f"of the poses that move them, within {ended - begun:.0f} s of recording",
     )
 
 

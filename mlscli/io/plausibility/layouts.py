@@ -18,6 +18,7 @@ from mlscli.io.plausibility.finding import Finding, doubted, refused, right
 from mlscli.runtime.arrays import UInt8
 
 _FEWER = "width and height declare fewer points than there are; all are taken"
+_JOINED = "row_step contradicts width and point_step; the rows follow one another without gaps"
 
 
 class Layout(NamedTuple):
@@ -63,6 +64,8 @@ def layout_of(data: UInt8, stated: Layout, fields_end: int) -> Finding[Layout]:
         more = height == 1 and row and length > row and not length % point_step
         if more and data[row:].any():
             return doubted(Layout(1, length // point_step, length, point_step), _FEWER)
+        if height > 1 and _are_joined(data, height * row, row, apart):
+            return doubted(Layout(1, height * width, height * row, point_step), _JOINED)
         if apart >= row and length in (whole, whole - apart + row) and (row or not length):
             return right(stated if apart == row_step else stated._replace(row_step=apart))
     elif length < max(point_step, 1):
@@ -73,7 +76,7 @@ def layout_of(data: UInt8, stated: Layout, fields_end: int) -> Finding[Layout]:
     if points and length == points * point_step:
         return doubted(
             Layout(1, points, length, point_step),
-            "row_step contradicts width and point_step; the rows follow one another without gaps",
+            _JOINED,
         )
     if row_step > row > 0 and length > height * row_step and not length % row_step:
         return doubted(
@@ -92,6 +95,16 @@ def layout_of(data: UInt8, stated: Layout, fields_end: int) -> Finding[Layout]:
         Layout(1, there, length, point_step),
         _FEWER if points else "width or height is 0, though there are points; all are taken",
     )
+
+
+def _are_joined(data: UInt8, points_end: int, row: int, row_step: int) -> bool:
+    """Return whether rows lie in the gap behind the first one, with nothing but zeros behind them.
+
+    So it is where row_step is that of the whole cloud, and data has as many times that.
+    """
+    if row_step < points_end:
+        return False
+    return bool(data[row:points_end].any()) and not data[points_end:].any()
 
 
 def _without_point_step(length: int, stated: Layout, fields_end: int) -> Finding[Layout]:

@@ -16,6 +16,7 @@ from mlscli.io.source import Reading, Source
 
 _HEAD = 1 << 16
 _PCD = re.compile(rb"(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:# ?\.PCD|VERSION 0?\.|FIELDS )")
+_HTML = re.compile(rb"\s*<(?:!doctype html|html)\b", re.IGNORECASE)
 _GRID = re.compile(rb"\s*(?:ncols\s+\d+\s+nrows|nrows\s+\d+\s+ncols)\s+\d+\s", re.IGNORECASE)
 # Comments, libraries and names, and then vertices, with more than these behind them.
 _OBJ = re.compile(
@@ -275,6 +276,11 @@ FORMATS = (
     Format("a mesh (glTF)", _starting(b"glTF")),
     Format("an E57 file (PDAL and CloudCompare make a LAS of it)", _starting(b"ASTM-E57")),
     Format("a BIN of CloudCompare (which saves it as LAS or PLY)", _starting(b"CCB2")),
+    Format(
+        "a pointer of Git LFS in place of the file (git lfs pull fetches that)",
+        _starting(b"version https://git-lfs."),
+    ),
+    Format("a web page, perhaps what a download ended in", lambda _, head: bool(_HTML.match(head))),
     Format("a JSON file", lambda _, head: bool(_JSON.match(head))),
     Format("a gzip archive", _starting(b"\x1f\x8b")),
     Format("a zip archive or numpy's .npz", _starting(b"PK\x03\x04")),

@@ -19,7 +19,7 @@ from mlscli.errors import InputError
 from mlscli.geometry.poses import Pose, Poses, apply
 from mlscli.geometry.transforms import bare
 from mlscli.io.clouds.trajectory import Trajectory
-from mlscli.io.plausibility.clocks import same_clock
+from mlscli.io.plausibility.clocks import same_clock, same_rate
 from mlscli.io.reading.frames import (
     Mounting,
     Track,
@@ -32,10 +32,9 @@ from mlscli.io.reading.frames import (
 )
 from mlscli.io.reading.history import History, Moment
 from mlscli.io.reading.names import axes_of, is_body, is_world
-from mlscli.io.reading.tally import FRAMELESS, IN_GAP, UNCONNECTED, UNPLACED
+from mlscli.io.reading.tally import FRAMELESS, IN_GAP, UNCONNECTED, UNPLACED, Tally
 from mlscli.io.source import Cloud, Source
 from mlscli.keyframes.keyframe import Axes
-from mlscli.runtime.arrays import Float64
 
 
 @dataclass(frozen=True)
@@ -164,18 +163,21 @@ class Placing:
             changed |= {"attitude": craft.attitude, "axes": craft.axes}
         return replace(cloud, **changed)
 
-    def clock_note(self, clouds: Float64) -> str:
+    def clock_note(self, tally: Tally) -> str:
         """Return why clouds may be moved by poses of other times; empty where nothing says so.
 
         Parameters
         ----------
-        clouds : float64 (N, 2)
-            The stamps of clouds, and when they were recorded.
+        tally : Tally
+            With the times of the first and the last clouds.
         """
         if not any(callable(way) for way in self._ways.values()):
             return ""
         poses = self._history.times if self._track is None else self._track.times
-        note = same_clock(clouds, poses).note
+        first, last = (np.array(times).reshape(-1, 2) for times in (tally.times, tally.latest))
+        note = same_clock(first, poses).note
+        if not note and not tally.jumps:
+            note = same_rate(first, last, poses).note
         way_out = "where their clocks differ, `time_source` log takes the times of recording"
         return f"{note}; {way_out}" if note else ""
 

@@ -114,7 +114,7 @@ class Recording:
         notes += self.tally.notes()
         if self._is_timeless:
             notes.append(_TIMELESS)
-        elif doubt := self._placing.clock_note(np.array(self.tally.times).reshape(-1, 2)):
+        elif doubt := self._placing.clock_note(self.tally):
             notes.append(doubt)
         if self._objection is None and self._witness is not None:
             self._objection = self._witness.objection(self._upright, self._trajectory)
@@ -262,7 +262,7 @@ class Recording:
         """Whether there are several keyframes, and the time in the headers of all is 0."""
         by_header = "time_source" not in self.options
         has_headers = by_header and any(source.topics() for source in self._sources)
-        return has_headers and self.tally.came > 1 and not self.tally.timed
+        return has_headers and self.tally.came > 1 and self.tally.stampless == self.tally.came
 
     def _out_of_reach(self) -> str:
         """Return what helps where no cloud has a transform at its time."""

@@ -61,7 +61,8 @@ def _wanted(selection: Selection, tally: Tally) -> Wanted:
         if not tally.came:
             tally.began = stamp
         tally.came += 1
-        tally.timed |= stamp != 0
+        tally.stampless += stamp == 0
+        tally.latest.append((stamp, logged))
         if len(tally.times) < _TIMES:
             tally.times.append((stamp, logged))
         return choose(stamp, logged)

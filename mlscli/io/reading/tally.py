@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -15,6 +16,12 @@ NO_RETURN, REPEATED, NOT_FINITE = "no return", "repeated", "not finite"
 UNPLACED, IN_GAP = "no transform at their time", "within a gap of the transforms"
 FRAMELESS, UNCONNECTED = "in no frame, unlike others", "no transform from their frame"
 """Reasons to leave out a keyframe whose place in the map frame is not known."""
+
+_LATEST = 16
+"""So many keyframes at the end tell what the clock says there."""
+
+_FEWEST = 3
+"""So many keyframes at 0 are not the beginnings of several sources."""
 
 _WHY = {
     UNPLACED: "where they were is not known at their times",
@@ -42,12 +49,14 @@ class Tally:
         Keyframes read, selected or not.
     began : float
         Stamp of the first keyframe read, in seconds; NaN before it.
-    timed : bool
-        Whether a keyframe read has a stamp other than 0.
+    stampless : int
+        Keyframes read whose stamp is 0.
     jumps : list of (float, float)
         What the clock said before and after each jump, in seconds.
     times : list of (float, float)
         The stamps of the first keyframes read, and when they were recorded, in seconds.
+    latest : deque of (float, float)
+        The same of the last ones.
     zeros : int
         Points dropped at exactly (0, 0, 0), though not in a sensor's frame.
     pile : str
@@ -62,9 +71,10 @@ class Tally:
     left_out: dict[str, int] = field(default_factory=dict)
     came: int = 0
     began: float = math.nan
-    timed: bool = False
+    stampless: int = 0
     jumps: list[tuple[float, float]] = field(default_factory=list)
     times: list[tuple[float, float]] = field(default_factory=list)
+    latest: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_LATEST))
     zeros: int = 0
     pile: str = ""
     step: float = 0.0
@@ -94,7 +104,11 @@ class Tally:
                 f"the clock of the clouds jumps {told(self.jumps)}; `start` and `end` count on by "
                 "the times of recording, and no pose before a jump counts after it"
             )
-
+        if _FEWEST <= self.stampless < self.came:
+            yield (
+                f"{self.stampless:,} of {some(self.came, 'keyframe')} have the time 0, as before a "
+                "clock is set; `start` and `end` take it as it is"
+            )
         if self.zeros:
             yield f"{self.zeros:,} points pile up at exactly (0, 0, 0): no measurements, dropped"
         if self.pile:

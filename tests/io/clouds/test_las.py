@@ -8,6 +8,7 @@ and scaled by the format's description; what a cut leaves is counted in records.
 from __future__ import annotations
 
 import io
+import math
 import struct
 from pathlib import Path
 from typing import Any
@@ -302,6 +303,8 @@ def test_no_point_is_made_of_the_bits_that_end_a_chunk(
         (94, "<H", 2**16 - 1, "do not fit"),
         (104, "<B", 77, "cannot be read"),
         (105, "<H", 1, "cannot be read"),
+        (131, "<d", 0, r"found scales of 0\.0, .* expected numbers other than 0"),
+        (147, "<d", math.nan, "found scales of .*, nan, expected"),
     ],
 )
 def test_a_header_that_cannot_be_is_refused(

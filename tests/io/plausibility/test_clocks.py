@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlscli.io.plausibility.clocks import in_seconds, same_clock
+from mlscli.io.plausibility.clocks import in_seconds, same_clock, same_rate
 from mlscli.runtime.arrays import Float64
 
 SECONDS: Float64 = 1_700_000_000 + np.arange(20) / 4
@@ -93,3 +93,36 @@ def test_clouds_that_all_bear_one_stamp_are_told() -> None:
     # Keyframes of one message, and clouds of which nothing moves with the time.
     assert same_clock(clouds[:1].repeat(5, axis=0), recorded(0.1)).note == ""
     assert same_clock(clouds, recorded(0.1, count=1)).note == ""
+
+
+def drifting(rate: float, *, seconds: float = 600, hertz: float = 5, late: float = 0.1) -> Float64:
+    """Return stamps of a clock that is so much faster than the one of the recording."""
+    logged = np.arange(0, seconds, 1 / hertz)
+    lag = np.random.default_rng(5).uniform(0, late, len(logged))
+    return np.column_stack((1000 + logged * (1 + rate) - lag, 1000 + logged))
+
+
+@pytest.mark.parametrize("rate", [0.01, -0.01, 0.003])
+def test_a_clock_that_gains_on_that_of_the_poses_is_told(rate: float) -> None:
+    clouds, poses = drifting(rate), drifting(0, hertz=20)
+    found = same_rate(clouds[:16], clouds[-16:], poses)
+
+    assert found.value == pytest.approx(600 * rate, abs=0.1)
+    assert f"{'gain' if rate > 0 else 'lose'} {abs(600 * rate):.1f} s" in found.note
+
+
+# Within 90 s, 0.9 s; a simulation that runs at a third of the time of recording, clouds and poses;
+# messages recorded up to 8 s late; poses of the beginning alone; few clouds; no stamps.
+@pytest.mark.parametrize(
+    ("clouds", "poses"),
+    [
+        (drifting(0.01, seconds=90), drifting(0, seconds=90)),
+        (drifting(-2 / 3), drifting(-2 / 3, hertz=20)),
+        (drifting(0.01, late=8), drifting(0)),
+        (drifting(0.01), drifting(0, seconds=300)),
+        (drifting(0.01)[::2990], drifting(0)),
+        (np.full((40, 2), np.nan), drifting(0)),
+    ],
+)
+def test_clocks_of_which_none_surely_gains_are_passed_over(clouds: Float64, poses: Float64) -> None:
+    assert same_rate(clouds[:16], clouds[-16:], poses).note == ""

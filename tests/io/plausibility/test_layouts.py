@@ -68,6 +68,7 @@ def test_what_is_stated_is_taken_without_a_note_where_it_is_right(
         (rows(1, 6), Layout(1, 4, 64, STEP), "fewer points"),
         (rows(3, 2), Layout(2, 2, 32, STEP), "fewer points"),
         (rows(3, 2, gap=8), Layout(2, 2, 40, STEP), "fewer rows"),
+        (np.append(rows(2, 3), np.zeros(96, np.uint8)), Layout(2, 3, 96, STEP), "row_step contra"),
     ],
 )
 def test_the_data_counts_where_it_is_whole_and_what_is_stated_is_not(
@@ -88,6 +89,15 @@ def test_zeros_behind_the_points_are_room_that_was_not_used() -> None:
     assert found.value is not None
     assert numbers(data, found.value) == [1, 2, 3, 4, 5, 6]
     assert "zeros" in found.note
+
+
+def test_wide_gaps_between_rows_are_gaps_though_the_rows_behind_are_zeros() -> None:
+    data = rows(2, 3, gap=100)
+    data[len(data) // 2 :] = 0
+    found = layout_of(data, Layout(2, 3, 148, STEP), FIELDS_END)
+
+    assert found.value == Layout(2, 3, 148, STEP)
+    assert not found.note
 
 
 @pytest.mark.parametrize("length", [0, 3, STEP - 1])

@@ -116,6 +116,12 @@ def test_a_grid_of_heights_is_named(tmp_path: Path) -> None:
         (b"glTF\2\0\0\0", "a mesh (glTF)"),
         (b"ASTM-E57\1\0\0\0", "an E57 file (PDAL"),
         (b"CCB2\0\0", "a BIN of CloudCompare"),
+        (
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 9\n",
+            "a pointer of Git",
+        ),
+        (b"\n<!DOCTYPE html>\n<html>1 2 3</html>\n", "a web page"),
+        (b"<HTML><body>", "a web page"),
         (b'[{"a": 1}]', "a JSON file"),
         (b"[[1, 2],\n[3, 4]]", "a JSON file"),
     ],

@@ -121,6 +121,19 @@ def test_poses_whose_clock_is_another_than_that_of_the_clouds_are_told(
     assert not any("their recording" in note for note in by_log.notes)
 
 
+@pytest.mark.parametrize("rate", [1.02, 1.0])
+def test_a_clock_of_clouds_that_runs_faster_than_that_of_the_poses_is_told(
+    tmp_path: Path, rate: float
+) -> None:
+    clouds = [recorded(cloud(k * rate, "base_link"), k + 0.01) for k in range(100)]
+    recording = opened(tmp_path, [*run(0, 0, range(105)), *clouds])
+
+    assert len(xs(recording)) == 100
+    told = [note for note in recording.notes if "of the clouds gain 1.7 s on those" in note]
+    assert len(told) == (rate > 1)
+    assert all("`time_source` log takes the times of recording" in note for note in told)
+
+
 def test_start_and_end_are_seconds_of_the_recording_across_a_reset(tmp_path: Path) -> None:
     told = [*run(0, 0), *seen(0, 2, 7), *run(20, 100), *seen(20, 2, 7)]
 

@@ -112,6 +112,16 @@ def test_clouds_in_a_frame_that_nothing_leads_from_are_left_out_and_counted(
     assert len(notes) == 2
 
 
+@pytest.mark.parametrize(("unset", "told"), [(3, True), (1, False), (9, False)])
+def test_clouds_before_a_clock_is_set_are_told(tmp_path: Path, unset: int, told: bool) -> None:
+    times = [0] * unset + [50_000_000_000 + k for k in range(9 - unset)]
+    clouds = [Sent(np.ones((2, 3)), nanoseconds=time) for time in times]
+    recording = open_recording(write_bag(tmp_path / "a.bag", clouds))
+
+    assert len(clouds_of(recording)) == 9
+    assert any("3 of 9 keyframes have the time 0" in note for note in recording.notes) == told
+
+
 # Turning, dropping, counting
 
 TURNS: dict[str, Callable[[float, float, float], tuple[float, float, float]]] = {
