@@ -89,6 +89,14 @@ def _name_of(record: Any) -> str:
     package = __name__.split(".")[0]
     for name, module in sorted(sys.modules.items()):
         for attribute, value in list(vars(module).items()) if name.startswith(package) else ():
-            if isinstance(value, np.dtype) and value.fields and _from_dtype(value) == record:
+            if isinstance(value, np.dtype) and value.fields and _is(value, record):
                 return f"{name}.{attribute}"
     return repr(record)
+
+
+def _is(dtype: np.dtype[np.void], record: Any) -> bool:
+    """Return whether a dtype is a record of numba's, which does not know all dtypes."""
+    try:
+        return bool(_from_dtype(dtype) == record)
+    except numba.errors.NumbaNotImplementedError:
+        return False

@@ -6,6 +6,8 @@ that lie otherwise in memory, records and the fields of named tuples are tried.
 
 from __future__ import annotations
 
+import sys
+from types import ModuleType
 from typing import Any
 
 import numba
@@ -14,6 +16,7 @@ import pytest
 
 from mlscli.maps.order import OccupiedCells
 from mlscli.maps.records import PATCH
+from mlscli.runtime import kernel_types
 from mlscli.runtime.kernel_types import read, written
 
 typeof: Any = numba.typeof
@@ -71,3 +74,14 @@ def test_arrays_that_kernels_should_not_get_have_no_text_that_is_read() -> None:
 def test_a_line_of_no_kernel_or_no_types_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match=r"kernel|there is no|no type|fields"):
         read(line)
+
+
+def test_a_record_is_found_beside_dtypes_that_numba_does_not_know(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # By name, it is looked at first.
+    module = ModuleType("mlscli.aaa")
+    module.__dict__["ODD"] = np.dtype([("bytes", "V24")])
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    kernel_types._name_of.cache_clear()
+    assert written(typeof(np.empty(2, PATCH))).endswith("mlscli.maps.records.PATCH[:]")
