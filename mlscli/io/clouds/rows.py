@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TextIO
 
@@ -34,6 +35,11 @@ LONGEST_ROW = 1 << 16
 
 LONGEST_LINE = 1 << 26
 """Characters of a line that are kept; the rest of it is taken for another line."""
+
+_MOST_LINES = 8
+"""A row stands on so many lines at most."""
+
+_QUOTED = re.compile(r'"(?:[^"]|"")*+"')
 
 _NEWLINE, _BLANK = 10, 32
 
@@ -145,7 +151,7 @@ def parse(
     points: list[list[float]] = []
     starting: list[bool] = []
     odd = 0
-    for index, line in enumerate(text.removesuffix("\n").split("\n")):
+    for index, line in _records(text.removesuffix("\n").split("\n"), dialect):
         words = dialect.fields(line) if len(line) <= LONGEST_ROW else [""]
         if not words or (len(line) > LONGEST_ROW and is_comment(line)):
             after_blank = after_blank or is_blank(line)
@@ -163,6 +169,52 @@ def parse(
         odd += len(words) != dialect.width
     picked = np.array(points, dtype=np.float64).reshape(-1, len(layout.places))
     return Rows(picked, np.array(starting, dtype=np.bool_), after_blank, odd)
+
+
+def _records(lines: Sequence[str], dialect: Dialect) -> Iterator[tuple[int, str]]:
+    """Yield the lines and their indices; those of one row, as quotes tell, are joined."""
+    index = 0
+    while index < len(lines):
+        line, count = lines[index], 1
+        if dialect.separator and line.count('"') % 2 and _is_open(line, dialect.separator):
+            line, count = _joined(lines[index : index + _MOST_LINES], dialect)
+        yield index, line
+        index += count
+
+
+def _joined(lines: Sequence[str], dialect: Dialect) -> tuple[str, int]:
+    """Return the row that begins with the first of the lines, and how many it stands on.
+
+    A single mark, as for inches, joins nothing: a row that goes on has all its fields in the end,
+    and not all of its lines are rows by themselves.
+    """
+    whole, are_rows = lines[0], len(dialect.fields(lines[0])) == dialect.width
+    for count, line in enumerate(lines[1:], start=2):
+        whole = f"{whole} {line}"
+        are_rows &= len(dialect.fields(line)) == dialect.width
+        if len(whole) > LONGEST_ROW:
+            break
+        if not _is_open(whole, dialect.separator):
+            if not are_rows and len(dialect.fields(whole)) == dialect.width:
+                return whole, count
+            break
+    return lines[0], 1
+
+
+def _is_open(line: str, separator: str) -> bool:
+    """Return whether a line ends within quotes: those that a field begins with."""
+    at = 0
+    while True:
+        field = line[at:].lstrip(" ")
+        if field.startswith('"'):
+            # Two marks within stand for one.
+            closed = _QUOTED.match(field)
+            if closed is None:
+                return True
+            at = len(line) - len(field) + closed.end()
+        at = line.find(separator, at) + 1
+        if not at:
+            return False
 
 
 def alike(text: str, dialect: Dialect, places: Sequence[int]) -> Float64 | None:

@@ -266,3 +266,39 @@ def test_without_such_columns_time_and_place_are_not_known(tmp_path: Path) -> No
 
     assert math.isnan(cloud.stamp)
     assert np.isnan(cloud.position).all()
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("label,x,y,z", '"P\n{n}",{0},{1},{2}'),
+        ("x,y,z,label", '{0},{1},{2},"P {n}\n"'),
+        ("x;label;y;z", '{0};"wall;\n\n no. {n}\n";{1};{2}'),
+        ("x,y,z,label", '{0},{1},{2}, "a ""{n}""\n"'),
+        # Inches.
+        ("x,y,z,label", '{0},{1},{2},{n}"'),
+        ("label,x,y,z", '5" {n},{0},{1},{2}'),
+    ],
+)
+def test_a_row_whose_quotes_protect_line_breaks_is_one_and_single_marks_join_nothing(
+    tmp_path: Path, header: str, row: str
+) -> None:
+    points = [[k + 0.5, 2.0 * k, -0.25 * k] for k in range(40)]
+    rows = [
+        (row.replace("\n", "") if k % 3 == 0 else row).format(*point, n=k)
+        for k, point in enumerate(points)
+    ]
+    source = TextCloud(text(tmp_path, "\n".join([header, *rows, ""])))
+
+    assert [cloud.points.tolist() for cloud in source.clouds()] == [points]
+    assert not source.losses
+
+
+def test_a_single_mark_before_a_row_on_two_lines_joins_nothing(tmp_path: Path) -> None:
+    content = 'label,x,y,z\nP,0,1,2\n6",3,4,5\n"a\n",6,7,8\n7",1,1,1\n'
+    source = TextCloud(text(tmp_path, content))
+
+    assert [cloud.points.tolist() for cloud in source.clouds()] == [
+        [[0, 1, 2], [3, 4, 5], [6, 7, 8], [1, 1, 1]]
+    ]
+    assert not source.losses
