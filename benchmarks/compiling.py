@@ -38,7 +38,7 @@ EVERY = (
     "rays: {noise: 0.01}",
     "median",
     "orphans",
-    "walls",
+    "walls: {pieces: 9 cells}",
     "plaster: {sight: 6 cells}",
     "pyramids",
     "regions: {snap: true}",

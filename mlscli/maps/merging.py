@@ -274,17 +274,17 @@ def _linked(
             is_other = at >= len(records)
             patch = others[at - len(records)] if is_other else records[at]
             if at == order[0] or begins_group(patch.bottom, reached, gap_size):
-                _shape(linked, size - 1, parts, thickness)
+                shape(linked, size - 1, parts, thickness)
                 linked[size], parts = patch, 0
                 reached = patch.top
                 size += 1
             else:
-                _take_in(linked[size - 1], patch)
+                take_in(linked[size - 1], patch)
                 reached = max(reached, patch.top)
             parts += 1
             from_one[size - 1] |= not is_other
             from_other[size - 1] |= is_other
-        _shape(linked, size - 1, parts, thickness)
+        shape(linked, size - 1, parts, thickness)
     _give_way(linked[:size], from_other, gap_size, thickness)
     _give_way(linked[:size], from_one, gap_size, thickness)
     # The groups of a cell are disjoint, so this order is also that of their heights.
@@ -332,7 +332,7 @@ def _lies_below(one: int, other: int, records: Any, others: Any) -> bool:
 
 
 @inner
-def _take_in(group: Any, patch: Any) -> None:
+def take_in(group: Any, patch: Any) -> None:
     """Merge a patch into a group whose bottom is no higher, by Chan's formula."""
     points, count = float(group["count"]), float(patch["count"])
     total = points + count
@@ -358,7 +358,7 @@ def _pooled(noise: float, points: float, other: float, count: float) -> float:
 
 
 @inner
-def _shape(groups: Any, number: int, parts: int, thickness: float) -> None:
+def shape(groups: Any, number: int, parts: int, thickness: float) -> None:
     """Compute height and depth of a group of several patches; a single patch keeps its own."""
     if parts > 1:
         groups[number].mean = min(

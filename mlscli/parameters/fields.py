@@ -10,7 +10,7 @@ from numbers import Integral, Real
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from mlscli.errors import shorten
-from mlscli.parameters.lengths import Cells, Length, longest
+from mlscli.parameters.lengths import Cells, Length, longest, shortest
 
 # Beyond this, whole numbers are not exact in float64, nor in JSON as many programs read it.
 MAX_INTEGER = 2**53
@@ -31,6 +31,7 @@ def parameter(
     above: float | None = None,
     default_from: str | None = None,
     at_least: Length | None = None,
+    at_most: Length | None = None,
 ) -> Any:
     """Declare a field of a parameter dataclass; the configuration's schema follows from it.
 
@@ -47,8 +48,8 @@ def parameter(
     default_from : str, optional
         Another parameter whose value it takes where none is given, that is, where it is None: one
         of a section, such as ``vehicle.width``, or, by its bare name, one of the same part.
-    at_least : float or Cells, optional
-        The least length that it takes from there.
+    at_least, at_most : float or Cells, optional
+        The least and the greatest length that it takes from there.
     """
     metadata = {
         "help": help,
@@ -57,6 +58,7 @@ def parameter(
         "above": above,
         "default_from": default_from,
         "at_least": at_least,
+        "at_most": at_most,
     }
     return field(default=default, metadata=metadata)
 
@@ -77,8 +79,8 @@ class ParameterField:
         The value where none is given.
     default_from : str or None
         The parameter whose value it takes where it is None.
-    at_least : float, Cells or None
-        The least length that it takes from there.
+    at_least, at_most : float, Cells or None
+        The least and the greatest length that it takes from there.
     low, high : float or None
         The least and the greatest value allowed, inclusive.
     above : float or None
@@ -92,6 +94,7 @@ class ParameterField:
     default: Any
     default_from: str | None
     at_least: Length | None
+    at_most: Length | None
     low: float | None
     high: float | None
     above: float | None
@@ -101,8 +104,9 @@ class ParameterField:
         """What holds where no value is given, in words."""
         if self.default_from is None or self.default is not None:
             return write_value(self.default)
-        least = "" if self.at_least is None else f", at least {write_value(self.at_least)}"
-        return f"{self.default_from}{least}"
+        bounds = {"at least": self.at_least, "at most": self.at_most}
+        named = [f", {how} {write_value(bound)}" for how, bound in bounds.items() if bound]
+        return "".join([self.default_from, *named])
 
     def following(self, value: Any, cell_size: float | None) -> Any:
         """Return what the parameter becomes where it is not given and `default_from` has a value.
@@ -121,7 +125,11 @@ class ParameterField:
         """
         if value is None or not self.allows(value):
             return None
-        return value if self.at_least is None else longest(value, self.at_least, cell_size)
+        if self.at_least is not None:
+            value = longest(value, self.at_least, cell_size)
+        if value is not None and self.at_most is not None:
+            value = shortest(value, self.at_most, cell_size)
+        return value
 
     @property
     def accepts(self) -> str:

@@ -73,6 +73,14 @@ def alike(length: float, other: float, cell_size: float) -> bool:
     return length == other or abs(length - other) <= ALIKE * cell_size
 
 
+def shortest(one: Length, other: Length, cell_size: float | None) -> Length | None:
+    """Return the shorter of two lengths, the first where they are alike; None as in `longest`."""
+    longer = exceeds(one, other, cell_size)
+    if longer is None:
+        return None
+    return other if longer else one
+
+
 def longest(one: Length, other: Length, cell_size: float | None) -> Length | None:
     """Return the longer of two lengths, the first where they are alike.
 

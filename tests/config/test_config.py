@@ -67,6 +67,7 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
                 join=Cells(2),
                 along=Cells(3),
                 support=1,
+                pieces=Cells(1.5),
             ),
             Plaster(
                 height_thresh=0.5,

@@ -73,6 +73,7 @@ _walls = st.builds(
     join=st.sampled_from([0.0, 0.5, 2.0]),
     along=st.sampled_from([0.0, 0.5, Cells(3)]),
     support=st.integers(0, 2),
+    pieces=st.sampled_from([0.0, 2.0, Cells(8)]),
 )
 _plaster = st.builds(
     Plaster,

@@ -255,12 +255,15 @@ def walls(
     join: float = 0.0,
     along: float = 0.0,
     support: int = 0,
+    pieces: float = 0.0,
 ) -> list[Patch]:
     def rank(patch: Patch, other: Patch, d: int) -> tuple[float, ...] | None:
         if apart(patch, other) > slope * d * cell_size:
             return None
         return apart(patch, other), abs(other.height - patch.height), -other.height
 
+    for _ in range(2):
+        patches = _pieces_joined(patches, gap_size, pieces)
     for length in _passes(max_gap, max_gap_enhanced):
         certain, allowed = cells(max_gap, cell_size), cells(length, cell_size)
         vertical = [patch for patch in patches if patch.depth > 0]
@@ -276,6 +279,41 @@ def walls(
                 holes.append(Patch(*lower.cell, upper.low, space, 1 if space <= max_gap else 2, 0))
         patches = ordered(patches + holes + _with_room(closings, patches + holes, gap_size))
     return _drawn_out(patches, gap_size, min(join, gap_size)) if join else patches
+
+
+def _pieces_joined(patches: list[Patch], gap_size: float, farthest: float) -> list[Patch]:
+    """Join pieces of walls, all of which together spread wider than the thickness."""
+    result: list[Patch] = []
+    bottom = 0.0
+    for number, patch in enumerate(patches):
+        if number and _is_piece(patches, patches[number - 1], patch, gap_size, farthest):
+            below = result.pop()
+            height, count = patch.height, below.count + patch.count
+            patch = below._replace(height=height, depth=height - bottom, count=count)
+        else:
+            bottom = patch.low
+        result.append(patch)
+    return ordered(result)
+
+
+def _is_piece(
+    patches: list[Patch], lower: Patch, upper: Patch, gap_size: float, farthest: float
+) -> bool:
+    if lower.cell != upper.cell or not gap_size < upper.low - lower.height <= farthest:
+        return False
+    around = [
+        other for other in patches if max(abs(other.ix - upper.ix), abs(other.iy - upper.iy)) == 1
+    ]
+    level = {other.cell for other in around if apart(upper, other) <= gap_size}
+    walls = {
+        other.cell
+        for other in around
+        if other.depth > 0
+        and other.low - upper.low <= gap_size
+        and lower.height - other.height <= gap_size
+    }
+    measured = lower.origin == upper.origin == 0
+    return measured and len(level) <= 4 and len(walls) >= 2
 
 
 def _walls_along(vertical: list[Patch], certain: int, look: int) -> Judge:

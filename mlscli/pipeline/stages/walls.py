@@ -18,6 +18,9 @@ cells around have at most `join` below a wall's foot, up to the highest of their
 `join` above its top, so that a wall stands on the floor beside it. Two ends in one cell that would
 thus come within `gap_size` of each other stay where they are. `join` counts up to `gap_size` only,
 so that nothing that a craft could pass is closed.
+
+With `pieces`, before all else, what `gap_size` has split of a wall becomes one patch again; the
+rule stands in `pieces.py`.
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ from mlscli.maps.neighbours import sought
 from mlscli.maps.order import OccupiedCells
 from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.parameters.fields import parameter
-from mlscli.parameters.lengths import Length, in_units, whole_cells
+from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
 from mlscli.pipeline.stages.evidence import lies_in_wall, run_along
 from mlscli.pipeline.stages.gaps import (
     Gaps,
@@ -43,6 +46,7 @@ from mlscli.pipeline.stages.gaps import (
     close_gaps,
 )
 from mlscli.pipeline.stages.inserted import Inserted, settle
+from mlscli.pipeline.stages.pieces import ROUNDS, joined
 from mlscli.runtime.arrays import Bool, Float64, Int32, Int64, UInt8, frozen
 from mlscli.runtime.kernels import kernel
 from mlscli.runtime.threads import LIGHT, in_ranges
@@ -78,19 +82,34 @@ class Walls(GapStage):
         high=8,
     )
 
+    pieces: Length | None = parameter(
+        0,
+        "pieces of a wall in a cell, up to so far apart, become one patch where a wall goes on "
+        "beside them; null: vehicle.height, at most 1.5 cells; 0: none",
+        low=0,
+        default_from="vehicle.height",
+        at_most=Cells(1.5),
+    )
+
     def reach(self, cell_size: float) -> int:
         """Return the widths of both passes in whole cells, and what is looked at beyond them.
 
         These are the cells behind the ends of a gap or around a hole, in each pass, and the cells
-        around what is joined.
+        around what is drawn out or joined.
         """
         beyond = whole_cells(self.along, cell_size) * len(list(self.passes(cell_size)))
-        joined = in_units(self.join, cell_size) > 0
-        return super().reach(cell_size) + max(beyond, self.support > 0) + joined
+        drawn = in_units(self.join, cell_size) > 0
+        rounds = ROUNDS if self._farthest(cell_size) > 0 else 0
+        return super().reach(cell_size) + max(beyond, self.support > 0) + drawn + rounds
+
+    def _farthest(self, cell_size: float) -> float:
+        """Return how far apart pieces of a wall are at most, in the unit of the recording."""
+        return 0.0 if self.pieces is None else in_units(self.pieces, cell_size)
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map with the gaps in its walls closed."""
         cell_size = surface.cell_size
+        surface = joined(surface, self._farthest(cell_size))
         if not (surface.depth > 0).any():
             return surface
         tolerance = Tolerance(cell_size, self.height_thresh)

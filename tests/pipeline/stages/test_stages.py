@@ -79,7 +79,7 @@ def plaster(rng: np.random.Generator) -> tuple[MapStage, Reference]:
 def walls(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     slope, narrow, wide = gaps(rng)
     join, along = float(rng.choice([0, 0.25, 0.5, 2.0])), float(rng.choice([0, 0, 0.5, 1.0, 1.6]))
-    support = int(rng.choice([0, 0, 1, 2]))
+    support, pieces = int(rng.choice([0, 0, 1, 2])), float(rng.choice([0, 1.0, 3.0]))
     stage = Walls(
         height_thresh=slope,
         max_gap=narrow,
@@ -87,9 +87,10 @@ def walls(rng: np.random.Generator) -> tuple[MapStage, Reference]:
         join=join,
         along=along,
         support=support,
+        pieces=pieces,
     )
     return stage, lambda p: references.walls(
-        p, CELL, GAP, slope, narrow, wide, join, along, support
+        p, CELL, GAP, slope, narrow, wide, join, along, support, pieces
     )
 
 
