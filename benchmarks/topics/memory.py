@@ -12,7 +12,7 @@ from benchmarks.cloud_files import ply_head, write_binary, write_las, write_text
 from benchmarks.process import ran
 from benchmarks.table import Row, Timer
 
-SIZE, LIMIT = 3_000_000, 300
+SIZE, LIMIT = 3_000_000, 350
 
 
 def rows(timer: Timer) -> Iterator[Row]:  # noqa: ARG001
