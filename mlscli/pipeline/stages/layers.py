@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.pipeline.stages.point_grid import PointGrid
+from mlscli.pipeline.stages.point_grid import SHORT_POINTS, PointGrid, first_from
 from mlscli.runtime.arrays import Int64
 from mlscli.runtime.kernels import inner
 
 # Layers this far above or below a point's own, and beyond, are one.
 _FARTHEST_LAYER = 31
+_LAYERS = 2 * _FARTHEST_LAYER + 1
 # What stands close about a point lies at most this share of `level` beside it, and so many of that
 # must lie in its layer.
 _CLOSE, _FEWEST = 0.5, 3
@@ -44,37 +45,58 @@ def stands_out(
     least : float
         The share of the mean layer that the point's own must hold.
     """
-    xyz, fine, first = grid.xyz, grid.fine, grid.first
-    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-    narrow = (_CLOSE * level) * (_CLOSE * level)
-    beside, everything, occupied = 0, 0, np.int64(0)
-    close_beside, close, close_occupied = 0, 0, np.int64(0)
-    for column in around:
-        for j in range(fine[first[column]], fine[first[column + 1]]):
-            dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
-            squared = dx * dx + dy * dy
-            if squared <= radius * radius:
-                layer = np.rint((xyz[j, 2] - z) / (2.0 * level))
-                layer = min(max(layer, -_FARTHEST_LAYER), _FARTHEST_LAYER)
-                bit = np.int64(1) << np.int64(layer + _FARTHEST_LAYER)
-                everything += 1
-                beside += layer == 0
-                occupied |= bit
-                if squared <= narrow:
-                    close += 1
-                    close_beside += layer == 0
-                    close_occupied |= bit
     return bool(
-        _is_enough(beside, occupied, everything, least)
-        or (close_beside >= _FEWEST and _is_enough(close_beside, close_occupied, close, least))
+        _is_enough(grid, around, i, radius, level, least, 1)
+        or _is_enough(grid, around, i, _CLOSE * level, level, least, _FEWEST)
     )
 
 
 @inner
-def _is_enough(beside: int, occupied: np.signedinteger[Any], everything: int, least: float) -> bool:
-    """Return whether a layer holds the least share of what one that holds any does in the mean."""
+def _is_enough(
+    grid: PointGrid, around: Int64, i: int, radius: float, level: float, least: float, fewest: int
+) -> bool:
+    """Return whether the layer of point i holds enough of all points within a radius.
+
+    Enough are `fewest`, and the least share of what a layer that holds any does in the mean.
+    """
+    xyz, fine, first = grid.xyz, grid.fine, grid.first
+    x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+    beside = 0
+    # The margin outweighs rounding.
+    near = 1.001 * level + 1e-9 * abs(z)
+    for column in around:
+        for number in range(first[column], first[column + 1]):
+            begin, end = fine[number], fine[number + 1]
+            if end - begin > SHORT_POINTS:
+                begin = first_from(xyz, begin, end, z - near)
+                end = first_from(xyz, begin, end, z + near)
+            for j in range(begin, end):
+                above = xyz[j, 2] - z
+                if abs(above) <= near and _layer(above, level) == 0:
+                    dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
+                    beside += dx * dx + dy * dy <= radius * radius
+    if beside < fewest:
+        return False
+    everything, occupied = 0, np.int64(0)
+    for column in around:
+        for number in range(first[column], first[column + 1]):
+            for j in range(fine[number], fine[number + 1]):
+                dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
+                if dx * dx + dy * dy <= radius * radius:
+                    everything += 1
+                    occupied |= np.int64(1) << (_layer(xyz[j, 2] - z, level) + _FARTHEST_LAYER)
+                    # Even if there were something in every layer, this would be too much.
+                    if beside * _LAYERS < least * everything:
+                        return False
     layers = 0
     while occupied:
         occupied &= occupied - 1  # The lowest bit goes.
         layers += 1
     return bool(beside * layers >= least * everything)
+
+
+@inner
+def _layer(above: float, level: float) -> np.signedinteger[Any]:
+    """Return the layer of what lies so far above a point."""
+    layer = np.rint(above / (2.0 * level))
+    return np.int64(min(max(layer, -_FARTHEST_LAYER), _FARTHEST_LAYER))

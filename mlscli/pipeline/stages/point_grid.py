@@ -63,7 +63,7 @@ class PointGrid(NamedTuple):
         side = max(1.001 * radius, farthest * 2.0**-30)
         ix, iy = cells_of(xyz, side)
         by_height, (ix, iy, start) = order_by_cell(ix, iy, xyz[:, 2])[:2]
-        divisions, first = _divided(start)
+        divisions, first = _divided(start, by_height, xyz, side)
         fine = np.empty(first[-1] + 1, dtype=np.int64)
         fine[-1] = len(xyz)
         order, ordered = np.empty_like(by_height), np.empty_like(xyz)
@@ -93,14 +93,41 @@ def _farthest(xyz: Float64) -> float:
 
 
 @kernel
-def _divided(start: Int64) -> tuple[Int64, Int64]:
-    """Return how each column is divided, and the number of its first fine column."""
+def _divided(start: Int64, by_height: Array, xyz: Float64, side: float) -> tuple[Int64, Int64]:
+    """Return how each column is divided, and the number of its first fine column.
+
+    Of a tall column, each search sees but a part of the height: where most points lie counts.
+
+    Parameters
+    ----------
+    start : int64 (C + 1,)
+        Where the points of each column begin.
+    by_height : uint32 or int64 (N,)
+        The points of each column, ascending by height.
+    xyz : float64 (N, 3)
+        The points.
+    side : float
+        Side of a column.
+    """
     divisions, first = np.empty(len(start) - 1, dtype=np.int64), np.zeros_like(start)
     for column in range(len(divisions)):
-        points = start[column + 1] - start[column]
+        points = _most(by_height[start[column] : start[column + 1]], xyz, 2.0 * side)
         divisions[column] = max(1, int(np.sqrt(points / _IN_EACH)))
         first[column + 1] = first[column] + divisions[column] ** 2
     return divisions, first
+
+
+@inner
+def _most(points: Array, xyz: Float64, height: float) -> int:
+    """Return how many points, which ascend by height, lie at most within so much height."""
+    if not xyz[points[-1], 2] - xyz[points[0], 2] > height:
+        return len(points)
+    most, begin = 0, 0
+    for end in range(len(points)):
+        while xyz[points[end], 2] - xyz[points[begin], 2] > height:
+            begin += 1
+        most = max(most, end + 1 - begin)
+    return most
 
 
 @inner

@@ -78,6 +78,19 @@ def test_where_little_was_seen_little_is_enough_as_the_rule_says() -> None:
     assert min(dropped, kept) > 500
 
 
+def test_tall_columns_of_many_levels_are_filtered_as_the_rule_says() -> None:
+    rng = np.random.default_rng(8)
+    # Some levels were seen well, others by two points; the rest lies at any height between them.
+    heights = np.repeat(np.arange(60.0), np.repeat([9, 2], [40, 20]))
+    heights = np.append(heights + 0.05 * rng.normal(size=heights.size), 60 * rng.random(80))
+    xyz = np.column_stack((0.9 * rng.random((heights.size, 2)), heights))
+    points = Points.of(xyz, np.arange(heights.size, dtype=np.int32))
+    rule = 0.8, 9, 4, 0.1, 0.25, 0.5
+    expected = references.median(points, *rule, 0.6)
+    assert rows(Median(*rule, layer_share=0.6).apply(points, 0.5)) == expected
+    assert 100 < len(expected) < points.size - 50
+
+
 def test_a_thin_line_in_the_open_stays_and_outliers_over_a_floor_go() -> None:
     rng = np.random.default_rng(12)
     floor = np.c_[rng.uniform(0, 4, (800, 2)), rng.normal(0, 0.03, 800)]
