@@ -55,10 +55,12 @@ class Camera(NamedTuple):
             known = surface.route[np.isfinite(surface.route[:, 1:]).all(axis=1), 3]
             far = 2 * float(known.max() - surface.low_end.min()) if len(known) * surface.size else 0
         if not surface.cell_size < far < math.inf:
-            lacks = "" if self.range else "; the map does not tell how high the craft flew"
-            raise UsageError(
-                f"`range` {far:g}: expected more than a cell, {surface.cell_size:g}{lacks}"
-            )
+            if self.range is None:
+                raise UsageError(
+                    "`range`: say how far the camera sees; the map does not tell how high the "
+                    "craft flew"
+                )
+            raise UsageError(f"`range` {far:g}: expected more than a cell, {surface.cell_size:g}")
         return Camera(float(angle), float(far))
 
 
