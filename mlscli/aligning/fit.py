@@ -21,11 +21,15 @@ from mlscli.maps.surface_map import SurfaceMap
 LEAST_EVIDENCE = 40.0
 """A fit for which less speaks, in nats, may be chance."""
 
-LEAST_AGREEMENT = 0.6
+LEAST_AGREEMENT = 0.75
 """Of what both maps can judge, at least this share must agree."""
 
 MOST_RIVAL = 0.9
 """A fit is one of several where another has more than this share of its evidence."""
+
+MOST_APART = 3.0
+"""Where the scale is searched, the first map must fit onto the second as the second onto the first,
+within so many cells: rooms fit well into larger ones, but only one way round."""
 
 # How far a fit is shifted and turned to see if it could as well be there, in voxels.
 _ASIDE = 3.0
@@ -102,8 +106,7 @@ def align_maps(one: SurfaceMap, other: SurfaceMap, scale: float | None = None) -
                 f"the {name} map has too few measured patches to be aligned by: {len(points)} "
                 f"places on them, of at least {_FEWEST}"
             )
-    pivot = others.mean(axis=0)
-    pair = Pair(samples, others - pivot, (one.cell_size, other.cell_size), pivot)
+    pair = Pair.of(samples, others, (one.cell_size, other.cell_size))
     best, *more = search(pair, scale)
     fit, rms = refined(pair, best.fit, best.width, scale is None)
     evidence = Evidence.of(pair.one, pair.other, best.width, fit.scale)
@@ -142,7 +145,23 @@ def align_maps(one: SurfaceMap, other: SurfaceMap, scale: float | None = None) -
             f"more than one fit is possible: {_told(fit, pair)}, but {what} ({rival:.0%} of the "
             f"evidence; at most {MOST_RIVAL:.0%}){_scales(scale)}"
         )
-    return Alignment(_unpivoted(fit, pair), speaking, max(rival, 0.0), agreement, overlap, rms)
+    whole = _unpivoted(fit, pair)
+    if scale is None:
+        back = _back(pair)
+        apart = np.linalg.norm(whole.points(others) - back.points(others), axis=1).max()
+        if apart > MOST_APART * one.cell_size:
+            raise InputError(
+                f"more than one fit is possible: {_told(fit, pair)}, but the other way round the "
+                f"best is {_in_words(back)}{_scales(scale)}"
+            )
+    return Alignment(whole, speaking, max(rival, 0.0), agreement, overlap, rms)
+
+
+def _back(pair: Pair) -> Similarity:
+    """Return the way back of the best fit of the first map onto the second, of any scale."""
+    reverse = Pair.of(pair.other + pair.pivot, pair.one, pair.cell_sizes[::-1])
+    best = search(reverse, None)[0]
+    return _unpivoted(refined(reverse, best.fit, best.width, True)[0], reverse).inverse
 
 
 def _aside(fit: Similarity, pair: Pair, width: float) -> Iterator[Similarity]:
@@ -165,9 +184,12 @@ def _unpivoted(fit: Similarity, pair: Pair) -> Similarity:
 
 
 def _told(fit: Similarity, pair: Pair) -> str:
-    whole = _unpivoted(fit, pair)
-    shift = ", ".join(f"{each:.3g}" for each in whole.shift)
-    return f"yaw {math.degrees(whole.yaw):.1f} degrees, scale {fit.scale:.3g}, shift {shift}"
+    return _in_words(_unpivoted(fit, pair))
+
+
+def _in_words(fit: Similarity) -> str:
+    shift = ", ".join(f"{each:.3g}" for each in fit.shift)
+    return f"yaw {math.degrees(fit.yaw):.1f} degrees, scale {fit.scale:.3g}, shift {shift}"
 
 
 def _scales(scale: float | None) -> str:

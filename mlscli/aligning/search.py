@@ -24,8 +24,9 @@ from mlscli.runtime.arrays import Float64
 SCALES = 3.0
 """Scales are searched from a third to three times that at which both maps are equally wide."""
 
-# Voxels across the smaller of the maps, in the first pass, and at most across the larger.
-_ACROSS, _MOST_ACROSS = 16, 64
+# Voxels across the smaller of the maps, in the first pass, and at most across the larger. Where no
+# scale is searched there is time for finer ones: a room of 20 m is no more than two of 1.2 m high.
+_ACROSS, _FINER_ACROSS, _MOST_ACROSS = 16, 48, 64
 # Steps of yaw and scale, in voxels at the rim of the map.
 _STEP = 0.8
 _PEAKS = 3
@@ -68,6 +69,12 @@ class Pair:
     cell_sizes: tuple[float, float]
     pivot: Float64
 
+    @classmethod
+    def of(cls, one: Float64, other: Float64, cell_sizes: tuple[float, float]) -> Pair:
+        """Return the pair of two maps' points, each in its frame."""
+        pivot = other.mean(axis=0)
+        return cls(one, other - pivot, cell_sizes, pivot)
+
     @cached_property
     def radius(self) -> float:
         """How far the points of the second map lie from its pivot, sideways: root mean square."""
@@ -97,7 +104,8 @@ def search(pair: Pair, scale: float | None) -> list[Found]:
     usual = _radius(pair.one) / pair.radius if scale is None else scale
     wide = [float(np.ptp(points[:, :2], axis=0).max()) for points in (pair.one, pair.other)]
     smaller, larger = sorted((wide[0], wide[1] * usual))
-    width = max(smaller / _ACROSS, larger / _MOST_ACROSS, pair.cell_sizes[0])
+    across = _ACROSS if scale is None else _FINER_ACROSS
+    width = max(smaller / across, larger / _MOST_ACROSS, pair.cell_sizes[0])
     step = _STEP * width / (max(smaller, width) / 2)
     scales = [usual]
     if scale is None:
