@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 SORTED, INDEXED, ORDERED, FINISHED = 200, 100, 400, 1000
 
 # What threads, kernels and numpy take besides what is counted.
-UNCOUNTED = 32 * 2**20
+UNCOUNTED = 40 * 2**20
 
 # So many points are sorted at a time, even where memory is left for fewer.
 LEAST_SORTED = 20_000
