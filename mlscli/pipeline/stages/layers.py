@@ -57,7 +57,12 @@ def _is_enough(
 ) -> bool:
     """Return whether the layer of point i holds enough of all points within a radius.
 
-    Enough are `fewest`, and the least share of what a layer that holds any does in the mean.
+    Parameters
+    ----------
+    grid, around, i, radius, level, least
+        As in `stands_out`.
+    fewest : int
+        So many the point's own layer must hold, whatever their share.
     """
     xyz, fine, first = grid.xyz, grid.fine, grid.first
     x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
