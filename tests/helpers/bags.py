@@ -131,12 +131,16 @@ class Told(NamedTuple):
     log_time: int = 0
 
 
-def write_told(path: Path, messages: Iterable[Told], kind: str = "ros1") -> Path:
-    """Write messages of any type; kinds are ros1, ros2 and mcap."""
+def write_told(
+    path: Path, messages: Iterable[Told], kind: str = "ros1", compression: str = ""
+) -> Path:
+    """Write messages of any type; kinds are ros1, which may be compressed, ros2 and mcap."""
     is_ros1 = kind == "ros1"
     store = STORES["ros1" if is_ros1 else "cdr"]
     plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
     writer: Any = Writer1(path) if is_ros1 else Writer2(path, version=9, storage_plugin=plugin)
+    if compression:
+        writer.set_compression(Writer1.CompressionFormat[compression.upper()])
     serialize = store.serialize_ros1 if is_ros1 else store.serialize_cdr
     serialized = (
         (topic, type_, log_time, serialize(build(store, type_, content), type_))

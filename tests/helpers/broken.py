@@ -89,6 +89,7 @@ def write_mcap(
     encoding: str = "cdr",
     schema: str = "ros2msg",
     type_: str = STRING,
+    definition: bytes = b"string data",
     **options: Any,
 ) -> Path:
     with path.open("wb") as file:
@@ -98,7 +99,7 @@ def write_mcap(
             compression=CompressionType[compression.upper()],
         )
         writer.start("ros2", "tests")
-        number = writer.register_schema(type_, schema, b"string data") if schema else 0
+        number = writer.register_schema(type_, schema, definition) if schema else 0
         channels: dict[str, int] = {}
         for topic, time, data in messages:
             if topic not in channels:

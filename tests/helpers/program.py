@@ -15,9 +15,10 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
+from typing import NoReturn
 
 _SECONDS = 300
 
@@ -86,6 +87,20 @@ def _stand_by() -> subprocess.Popen[bytes]:
 
 def stand_by() -> None:
     """Fork for each line of standard input, and answer it with the exit status of the run."""
+    warm()
+    answers = os.dup(1)
+    # Not through a buffer, of which each fork would have a copy.
+    with open(0, "rb", buffering=0) as lines:
+        while line := lines.readline():
+            child = os.fork()
+            if not child:
+                become(*json.loads(line))
+            _, status = os.waitpid(child, 0)
+            os.write(answers, f"{os.waitstatus_to_exitcode(status)}\n".encode())
+
+
+def warm() -> None:
+    """Import what runs of the program import, and load the kernels, so that forks need not."""
     from importlib import import_module
 
     from mlscli.cli import COMMANDS
@@ -94,15 +109,6 @@ def stand_by() -> None:
     for module in (*(module for module, _ in COMMANDS.values()), *drawing):
         import_module(module)
     _load_kernels()
-    answers = os.dup(1)
-    # Not through a buffer, of which each fork would have a copy.
-    with open(0, "rb", buffering=0) as lines:
-        while line := lines.readline():
-            child = os.fork()
-            if not child:
-                _run(*json.loads(line))
-            _, status = os.waitpid(child, 0)
-            os.write(answers, f"{os.waitstatus_to_exitcode(status)}\n".encode())
 
 
 def _load_kernels() -> None:
@@ -127,8 +133,15 @@ def _load_kernels() -> None:
     assert threading.active_count() == 1
 
 
-def _run(words: list[str], folder: str, environment: dict[str, str], out: str, err: str) -> None:
-    """Become a run of the program; does not return."""
+def become(
+    words: list[str],
+    folder: str,
+    environment: dict[str, str],
+    out: str,
+    err: str,
+    main: Callable[[], object] | None = None,
+) -> NoReturn:
+    """Become a run of the program, or of another `main`; does not return."""
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     for number, path in ((1, out), (2, err)):
@@ -137,14 +150,16 @@ def _run(words: list[str], folder: str, environment: dict[str, str], out: str, e
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = ["mls", *words]
-    from mlscli.cli import main
+    from mlscli.cli import main as program
 
+    status: object = 0
     try:
-        main()
+        (main or program)()
     except SystemExit as end:
-        atexit._run_exitfuncs()
-        # Without taking down all that was imported, which takes as long as a run.
-        os._exit(end.code if isinstance(end.code, int) else 1)
+        status = end.code
+    atexit._run_exitfuncs()
+    # Without taking down all that was imported, which takes as long as a run.
+    os._exit(status if isinstance(status, int) else 1)
 
 
 def heed_interrupts() -> None:

@@ -24,7 +24,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from mlscli.errors import InputError, MlsError, expect, expect_path
+from mlscli.errors import InputError, MlsError, expect, expect_path, one_line
 from mlscli.io.files import expect_file, open_input
 from mlscli.io.unpacking import excess, most_unpacked
 from mlscli.io.writing.atomic import atomic_write
@@ -39,6 +39,12 @@ FORMAT, VERSION = "mls-map", 3
 # What earlier versions did not have.
 _ADDED = {1: ("moved", "noise"), 2: ("noise",), VERSION: ()}
 _EPOCH = (1980, 1, 1, 0, 0, 0)
+
+# What reads the header of an array, by the version of its format.
+_HEADERS: dict[Any, Any] = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 
 # What reading a member of a damaged, encrypted or oddly compressed archive raises.
 _DAMAGED = (ValueError, EOFError, RuntimeError, zlib.error, lzma.LZMAError)
@@ -199,13 +205,15 @@ class _Members:
             raise InputError(f"{name}: is missing; a map holds this array") from None
         with self._archive.open(entry) as member:
             version = np.lib.format.read_magic(member)
-            if version == (1, 0):
-                header = np.lib.format.read_array_header_1_0(member)
-            elif version == (2, 0):
-                header = np.lib.format.read_array_header_2_0(member)
-            else:
+            if version not in _HEADERS:
                 raise InputError(f"{name}: has a header of version {version}; 1.0 is expected")
-            shape, _, dtype = header
+            try:
+                shape, _, dtype = _HEADERS[version](member)
+            except _DAMAGED:
+                raise
+            except Exception as error:
+                # A header is parsed as Python, which fails in as many ways as there are of writing.
+                raise InputError(f"{name}: has a damaged header: {one_line(error)}") from None
             begin = member.tell()
         size = begin + dtype.itemsize * int(np.prod([int(side) for side in shape], dtype=object))
         if self._unpacked > most_unpacked(self._packed):

@@ -143,6 +143,24 @@ def claim_size(path: Path, name: str, dtype: str) -> None:
                     np.lib.format.write_array(member, array)
 
 
+@pytest.mark.parametrize("fault", ["['", "(" * 300, "{'descr': {}}", "{'descr': 1, 'shape': ()}"])
+def test_a_header_that_cannot_be_parsed_is_named(written: Path, fault: str) -> None:
+    with np.load(written) as arrays:
+        kept = dict(arrays)
+    with zipfile.ZipFile(written, "w") as archive:
+        for each, array in kept.items():
+            with archive.open(f"{each}.npy", "w") as member:
+                if each == "ix":
+                    header = fault.encode() + b"\n"
+                    member.write(b"\x93NUMPY\1\0" + len(header).to_bytes(2, "little") + header)
+                else:
+                    np.lib.format.write_array(member, array)
+    with pytest.raises(InputError, match=r"flight\.npz: .*") as caught:
+        read_map(written)
+    assert "\n" not in str(caught.value)
+    assert is_map(written)
+
+
 def test_a_size_that_is_only_claimed_is_refused_before_memory_is_given(written: Path) -> None:
     claim_size(written, "ix", "<f8")
     with pytest.raises(InputError, match="ix: declares"):
