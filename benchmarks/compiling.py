@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import click
+import laspy
 import numba
 import numpy as np
 from numba.core import event
@@ -52,6 +53,8 @@ COMMANDS = (
     "build flight.txt -o growing.npz --growing",
     "build cloud.pcd -c plain --set map.cell_size=1",
     "build faces.ply -c plain --set map.cell_size=1",
+    "build boxed.las -c plain --set map.cell_size=1",
+    "build long.txt -c plain --set map.cell_size=1",
     "explore free.npz --craft 0.3,0.3",
     "compare flight.npz sequential.npz",
     "compare flight.npz --truth flight.truth.npz",
@@ -143,7 +146,7 @@ class _Stopwatch(event.Listener):
 
 
 def _write_clouds() -> None:
-    """Write a compressed PCD cloud, and a PLY cloud whose records have no fixed length."""
+    """Write a compressed PCD, a PLY whose records have no fixed length, a LAS, and a long text."""
     points = struct.pack("<9f", *range(9))
     # Literal runs of up to 32 bytes, each after its length less one.
     runs = [points[begin : begin + 32] for begin in (0, 32)]
@@ -157,6 +160,10 @@ def _write_clouds() -> None:
     head += "property list uchar uchar seen\nend_header\n"
     rows = (points[begin : begin + 12] + b"\1\7" for begin in (0, 12, 24))
     Path("faces.ply").write_bytes(head.encode() + b"".join(rows))
+    boxed = laspy.create()
+    boxed.x = boxed.y = boxed.z = np.arange(3.0)
+    boxed.write("boxed.las")
+    Path("long.txt").write_text("".join(f"{n % 9}.5 {n % 7} {n % 5}e-1\n" for n in range(100_000)))
 
 
 def _ask_for_space(path: str) -> None:
