@@ -10,7 +10,7 @@ import numpy as np
 
 from mlscli.io.plausibility.piles import pile, without_zeros
 from mlscli.io.plausibility.rounding import lost_step
-from mlscli.io.reading.tally import NO_RETURN, NOT_FINITE, REPEATED, Tally
+from mlscli.io.reading.tally import BEYOND, NO_RETURN, NOT_FINITE, REPEATED, Tally
 from mlscli.io.source import Cloud
 from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64
@@ -131,5 +131,5 @@ def _on_any_axis(holds: Bool) -> Bool:
 
 _UNMEASURED: tuple[_Filter, ...] = (
     (NOT_FINITE, lambda points: _on_all_axes(np.isfinite(points))),
-    ("beyond 1e8", lambda points: _on_all_axes(np.abs(points) <= FARTHEST)),
+    (BEYOND, lambda points: _on_all_axes(np.abs(points) <= FARTHEST)),
 )

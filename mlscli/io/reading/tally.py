@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from mlscli.io.plausibility.epochs import told
 from mlscli.words import are, some
 
-NO_RETURN, REPEATED, NOT_FINITE = "no return", "repeated", "not finite"
+NO_RETURN, REPEATED, NOT_FINITE, BEYOND = "no return", "repeated", "not finite", "beyond 1e8"
 """Reasons to drop points; a sensor without an echo reports its own position, (0, 0, 0)."""
 
 UNPLACED, IN_GAP = "no transform at their time", "within a gap of the transforms"
@@ -111,6 +111,12 @@ class Tally:
             )
         if self.zeros:
             yield f"{self.zeros:,} points pile up at exactly (0, 0, 0): no measurements, dropped"
+        beyond = self.dropped.get(BEYOND, 0)
+        if beyond > self.points_read / 2:
+            yield (
+                f"{beyond:,} of {some(self.points_read, 'point')} are dropped, as they lie beyond "
+                "1e8: these are hardly coordinates, and what is left of them may be none either"
+            )
         if self.pile:
             yield f"{self.pile}: no measurements, perhaps; all are taken"
 

@@ -180,6 +180,17 @@ def test_points_are_dropped_and_counted_by_the_first_reason(tmp_path: Path) -> N
         }
 
 
+@pytest.mark.parametrize(("garbage", "is_doubted"), [(5, False), (6, True)])
+def test_where_most_points_are_no_coordinates_the_others_are_doubted(
+    tmp_path: Path, garbage: int, is_doubted: bool
+) -> None:
+    path = text(tmp_path, "-1.7e9 -213.5 1e-11\n" * garbage + "1 2 3\n" * (10 - garbage))
+    recording = open_recording(path)
+    assert sum(len(keyframe.points) for keyframe in recording.keyframes()) == 10 - garbage
+    doubt = "6 of 10 points are dropped, as they lie beyond 1e8"
+    assert any(note.startswith(doubt) for note in recording.notes) == is_doubted
+
+
 def test_the_crop_is_inclusive_and_of_the_turned_points(tmp_path: Path) -> None:
     path = text(tmp_path, "1 -3 2\n1 -3.5 2\n")
     (keyframe,) = open_recording(path, up="-y", crop=(1, 1, 2, 2, 3, 3)).keyframes()
