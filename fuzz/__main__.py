@@ -41,7 +41,8 @@ def main() -> int:
     if given.seconds is None and given.inputs is None:
         given.seconds = 60.0
 
-    _load_all()
+    # For a few inputs it would take longer than it saves.
+    (_load_all if given.inputs is None or given.inputs > 30 else warm)()
     seeds = made(partial(_seeds_of, names))
     campaigns = [
         Campaign(name, TARGETS[name], seeds[name], given.seed, Limits(), given.keep)

@@ -69,9 +69,21 @@ def mutate(data: bytes, dice: Random, material: Material) -> bytes:
 
 
 def _place(data: bytes, dice: Random) -> int:
-    """Return a place in a file; every third time among its first bytes, where headers are."""
-    near = min(len(data), 300) if dice.random() < 0.35 else len(data)
-    return dice.randrange(near + 1)
+    """Return a place in a file; every third time among its first bytes, and often among its last.
+
+    At the beginning there are headers; at the end are tables, and values that may be larger than
+    all before them.
+    """
+    kind = dice.random()
+    if kind < 0.15:
+        return max(0, len(data) - 8 * dice.randrange(5))
+    return dice.randrange((min(len(data), 300) if kind < 0.45 else len(data)) + 1)
+
+
+def _value(data: bytes, dice: Random, size: int) -> int:
+    """Return a place where a value of a size may begin: in most files at a multiple of it."""
+    place = _place(data, dice)
+    return place - place % size if dice.random() < 0.7 else place
 
 
 def _run(data: bytes, dice: Random) -> tuple[int, int]:
@@ -132,7 +144,7 @@ def _spliced(data: bytes, dice: Random, material: Material) -> bytes:
 def _integer(data: bytes, dice: Random, _: Material) -> bytes:
     orders: tuple[Literal["little", "big"], ...] = ("little", "big")
     size, order = dice.choice((1, 2, 4, 8)), dice.choice(orders)
-    place = _place(data, dice)
+    place = _value(data, dice, size)
     there = int.from_bytes(data[place : place + size], order)
     near = (there + 1, there - 1, there * 2, -there, len(data) - place, len(data))
     value = dice.choice((dice.choice(_EDGES), dice.choice(near), 2 ** dice.randrange(64)))
@@ -145,7 +157,8 @@ def _float(data: bytes, dice: Random, _: Material) -> bytes:
     value = dice.choice(_FLOATS)
     if layout[1] == "f" and abs(value) > 1e38:
         value = 3e38
-    place, new = _place(data, dice), struct.pack(layout, value)
+    new = struct.pack(layout, value)
+    place = _value(data, dice, len(new))
     return _put(data, place, place + len(new), new)
 
 

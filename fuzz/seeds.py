@@ -26,7 +26,7 @@ from tests.helpers.broken import Sent as SentBytes
 from tests.helpers.broken import write_mcap
 from tests.helpers.examples import EXAMPLES, LINES, POINTS
 from tests.helpers.foxglove import message
-from tests.helpers.maps import random_map
+from tests.helpers.maps import Patch, map_of, random_map
 from tests.helpers.pcds import packed, pcd
 from tests.helpers.plys import ply
 from tests.helpers.ros import vector
@@ -211,6 +211,7 @@ def _compressed(folder: Path) -> Iterator[Path]:
 
 
 _TEXTS = [
+    "".join(f"{n % 3} {n // 3 % 3} {n % 2 * 2}\n" for n in range(18)),
     *(_timed(), "x,y,z\n" + LINES[:2000].replace(" ", ","), LINES[:1500].replace(".", ",")),
     *(
         "\ufeff# x y z r g b\n" + LINES[:500].replace("\n", " 1 2 3\n"),
@@ -222,7 +223,10 @@ _TEXTS = [
 
 def _maps(folder: Path) -> Iterator[Path]:
     rng = np.random.default_rng(7)
-    for surface in (_flown(), random_map(rng, fill=0.9)):
+    few = map_of(
+        [Patch(0, 0, 0.25, 0.0, 0, 3), Patch(0, 1, 2.0, 0.5, 0, 9), Patch(3, 1, 1.0, 0, 1, 0)]
+    )
+    for surface in (_flown(), random_map(rng, fill=0.9), few):
         path = _new(folder) / "map.npz"
         mlscli.write_map(path, surface)
         yield path
