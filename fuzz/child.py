@@ -95,13 +95,13 @@ def run(words: list[str], folder: Path, limits: Limits, main: Callable[[], objec
     """
     said = folder / "said"
     said.mkdir()
-    for name in ("out", "err", "touched"):
+    for name in ("out", "err", "touched", "began"):
         (said / name).touch()
-    before = {name: _size(name) for name in ("VmRSS", "VmSize")}
+    size = _size("VmSize")
     begin = time.perf_counter()
     child = os.fork()
     if not child:
-        _become(words, folder, limits, before["VmSize"], main)
+        _become(words, folder, limits, size, main)
     is_late = not _ends(child, limits.seconds)
     if is_late:
         # It tells where it is.
@@ -109,7 +109,7 @@ def run(words: list[str], folder: Path, limits: Limits, main: Callable[[], objec
         _ends(child, 0.2)
         os.kill(child, signal.SIGKILL)
     _, status, usage = os.wait4(child, 0)
-    texts = {name: _text(said / name) for name in ("out", "err", "touched")}
+    texts = {name: _text(said / name) for name in ("out", "err", "touched", "began")}
     return Ended(
         os.waitstatus_to_exitcode(status),
         is_late,
@@ -117,7 +117,7 @@ def run(words: list[str], folder: Path, limits: Limits, main: Callable[[], objec
         texts["err"],
         sorted(set(texts["touched"].splitlines())),
         time.perf_counter() - begin,
-        max(0, usage.ru_maxrss * 1024 - before["VmRSS"]),
+        max(0, usage.ru_maxrss * 1024 - int(texts["began"] or 0)),
     )
 
 
@@ -160,6 +160,8 @@ def _become(
     try:
         os.setsid()
         said = folder / "said"
+        # Less than its parent has: of files, pages are loaded when they are used.
+        (said / "began").write_text(str(_size("VmRSS")))
         _watch(folder, said / "touched")
         atexit.register(_read_again, folder / "out", said / "touched")
         tempfile.tempdir = None

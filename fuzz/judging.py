@@ -39,9 +39,14 @@ class Finding(NamedTuple):
         return f"{self.kind}: {_VARIABLE.sub('#', self.words)[:200]}"
 
 
+def is_answer(ended: Ended, answers: frozenset[int]) -> bool:
+    """Return whether a run ended in an answer; where 1 may be one, something was printed."""
+    return ended.status in answers and (ended.status != 1 or bool(ended.out.strip()))
+
+
 def kind_of(ended: Ended, answers: frozenset[int]) -> str:
     """Return whether the input was ``refused``, or read, ``with loss`` or ``built``."""
-    if ended.status not in answers:
+    if not is_answer(ended, answers):
         return "refused"
     return "with loss" if ended.status == 3 else "built"
 
@@ -94,7 +99,7 @@ def _said(ended: Ended, answers: frozenset[int]) -> list[Finding]:
         found.append(Finding("status", f"{ended.status}: {_last(ended.err)}"))
     if control := _CONTROL.search(ended.out + ended.err):
         found.append(Finding("control character", repr(control[0])))
-    if found or ended.status in answers:
+    if found or is_answer(ended, answers):
         return found
     if not lines:
         found.append(Finding("no word", f"status {ended.status}"))
@@ -109,7 +114,7 @@ def _left(ended: Ended, answers: frozenset[int], folder: Path) -> list[Finding]:
     """Return what is wrong with what a run has left in the output's folder and that of scratch."""
     out = sorted(path.name for path in (folder / "out").iterdir())
     found = []
-    if ended.status not in answers and ended.status >= 0 and out:
+    if not is_answer(ended, answers) and ended.status >= 0 and out:
         found.append(Finding("output of an error", f"status {ended.status}: {', '.join(out)}"))
     parts = [name for name in out if ".mls-" in name]
     parts += sorted(path.name for path in (folder / "tmp").iterdir())

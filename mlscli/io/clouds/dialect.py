@@ -24,6 +24,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
@@ -137,10 +138,11 @@ class Dialect(NamedTuple):
             if '"' in line or "'" in line:
                 return ["".join(parts) for parts in _QUOTED.findall(line)]
             return line.split()
+        words = line.split(self.separator)
         if '"' in line:
-            (words,) = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
-        else:
-            words = line.split(self.separator)
+            # What csv refuses, a field without end or an end of a line in one, holds no numbers.
+            with suppress(csv.Error):
+                (words,) = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
         return [_bare(word) for word in words]
 
 

@@ -208,3 +208,10 @@ def test_rows_of_differing_lengths_are_told(tmp_path: Path) -> None:
         read(tmp_path, "label,x,y,z\na,1,2,3\nWall, north,1,2,3\n")
     with pytest.raises(InputError, match=r"cloud.txt:3: found 3 columns .* the 4 of the header"):
         read(tmp_path, "label x y z\na 1 2 3\n1 2 3\n")
+
+
+@pytest.mark.parametrize("quoted", ["a" * 140_000, 'a"\rb', "a\0b"])
+def test_a_quoted_field_without_end_is_one_that_holds_no_number(quoted: str) -> None:
+    fields = Dialect(",", 3).fields(f'"{quoted}",1,2.5')
+    assert fields[-2:] == ["1", "2.5"]
+    assert not is_number(fields[0])
