@@ -44,6 +44,15 @@ def patches_of(surface: SurfaceMap) -> list[Patch]:
     return [Patch(*row) for row in zip(*columns, strict=True)]
 
 
+def apart(one: Patch, other: Patch) -> float:
+    """Return the distance of two patches' intervals."""
+    if one.low > other.height:
+        return one.low - other.height
+    if other.low > one.height:
+        return other.low - one.height
+    return 0.0
+
+
 def ordered(patches: list[Patch]) -> list[Patch]:
     return sorted(patches, key=lambda p: (p.ix, p.iy, p.height, p.depth, p.origin, p.count))
 

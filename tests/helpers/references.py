@@ -6,16 +6,8 @@ import math
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 
-from tests.helpers.maps import Patch, ordered
-
-
-def apart(one: Patch, other: Patch) -> float:
-    """Return the distance of two patches' intervals."""
-    if one.low > other.height:
-        return one.low - other.height
-    if other.low > one.height:
-        return other.low - one.height
-    return 0.0
+from tests.helpers.maps import Patch, apart, ordered
+from tests.helpers.piece_references import pieces_joined
 
 
 def cells(length: float, cell_size: float) -> int:
@@ -263,7 +255,7 @@ def walls(
         return apart(patch, other), abs(other.height - patch.height), -other.height
 
     for _ in range(2):
-        patches = _pieces_joined(patches, gap_size, pieces)
+        patches = pieces_joined(patches, gap_size, pieces)
     for length in _passes(max_gap, max_gap_enhanced):
         certain, allowed = cells(max_gap, cell_size), cells(length, cell_size)
         vertical = [patch for patch in patches if patch.depth > 0]
@@ -279,41 +271,6 @@ def walls(
                 holes.append(Patch(*lower.cell, upper.low, space, 1 if space <= max_gap else 2, 0))
         patches = ordered(patches + holes + _with_room(closings, patches + holes, gap_size))
     return _drawn_out(patches, gap_size, min(join, gap_size)) if join else patches
-
-
-def _pieces_joined(patches: list[Patch], gap_size: float, farthest: float) -> list[Patch]:
-    """Join pieces of walls, all of which together spread wider than the thickness."""
-    result: list[Patch] = []
-    bottom = 0.0
-    for number, patch in enumerate(patches):
-        if number and _is_piece(patches, patches[number - 1], patch, gap_size, farthest):
-            below = result.pop()
-            height, count = patch.height, below.count + patch.count
-            patch = below._replace(height=height, depth=height - bottom, count=count)
-        else:
-            bottom = patch.low
-        result.append(patch)
-    return ordered(result)
-
-
-def _is_piece(
-    patches: list[Patch], lower: Patch, upper: Patch, gap_size: float, farthest: float
-) -> bool:
-    if lower.cell != upper.cell or not gap_size < upper.low - lower.height <= farthest:
-        return False
-    around = [
-        other for other in patches if max(abs(other.ix - upper.ix), abs(other.iy - upper.iy)) == 1
-    ]
-    level = {other.cell for other in around if apart(upper, other) <= gap_size}
-    walls = {
-        other.cell
-        for other in around
-        if other.depth > 0
-        and other.low - upper.low <= gap_size
-        and lower.height - other.height <= gap_size
-    }
-    measured = lower.origin == upper.origin == 0
-    return measured and len(level) <= 4 and len(walls) >= 2
 
 
 def _walls_along(vertical: list[Patch], certain: int, look: int) -> Judge:

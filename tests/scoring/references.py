@@ -10,8 +10,7 @@ import numpy as np
 
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Float64
-from tests.helpers.maps import GAP, Patch, map_of, patches_of
-from tests.helpers.references import apart
+from tests.helpers.maps import GAP, Patch, apart, map_of, patches_of
 
 
 def altered(rng: np.random.Generator, surface: SurfaceMap) -> SurfaceMap:

@@ -20,12 +20,12 @@ from tests.helpers.maps import (
     GAP,
     THICKNESS,
     Patch,
+    apart,
     map_of,
     patches_of,
     random_points,
 )
 from tests.helpers.point_references import measured
-from tests.helpers.references import apart
 from tests.scoring.references import altered, on_a_surface
 
 LENGTH = 12
