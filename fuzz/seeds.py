@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -63,13 +63,17 @@ def _timed() -> str:
 
 
 def _flown() -> SurfaceMap:
-    """Return a map with a route and free space."""
+    """Return a map of blocks and a bridge over them, with a route and free space."""
     rng = np.random.default_rng(1)
-    sizes = ["map.cell_size=0.5", "map.free_space=true"]
+    # The sizes are those of `random_map`, so that the two go together.
+    sizes = ["map.cell_size=0.5", "map.gap_size=0.75", "map.thickness=0.25", "map.free_space=true"]
     builder = mlscli.MapBuilder(mlscli.load_parameters(None, sizes))
-    for x in range(4):
-        points = rng.random((60, 3)) * (4, 4, 0.1) + (0, 0, 2 * (x == 2))
-        builder.add(Keyframe(points, float(x), (float(x), 2.0, 1.5)))
+    heights = rng.uniform(0, 2, (4, 4))
+    for x in range(8):
+        xy = rng.uniform(0, 8, (300, 2))
+        z = heights[tuple((xy // 2).astype(int).T)] + rng.normal(0, 0.02, 300)
+        z[(abs(xy[:, 1] - 4) < 0.5) & (rng.random(300) < 0.5)] = 4
+        builder.add(Keyframe(np.column_stack((xy, z)), float(x), (float(x), 4.0, 7.0)))
     return builder.finish()
 
 
@@ -87,7 +91,7 @@ def _new(folder: Path) -> Path:
     return fresh
 
 
-def _files(contents: Mapping[str, str | bytes] | list[str] | list[bytes]) -> Maker:
+def _files(contents: Mapping[str, str] | Sequence[str | bytes]) -> Maker:
     """Return a maker of a file for each content."""
     held = list(contents.values()) if isinstance(contents, Mapping) else contents
 
@@ -150,7 +154,9 @@ def _packed_ros1(folder: Path) -> Iterator[Path]:
 
 def _packed_mcap(folder: Path) -> Iterator[Path]:
     for spelling in ("protobuf", "json"):
-        cloud = message(spelling, "PointCloud", FOXGLOVE["PointCloud"])
+        data = POINTS[:40].astype("<f4").tobytes()
+        content = {**FOXGLOVE["PointCloud"], "frame_id": "map", "data": data}
+        cloud = message(spelling, "PointCloud", content)
         sent = [SentBytes("/cloud", k * 10**9, bytes(cloud.data)) for k in range(5)]
         schema: dict[str, Any] = {
             "encoding": spelling,
@@ -194,7 +200,7 @@ def _las(folder: Path) -> Iterator[Path]:
 
 def _colmap(folder: Path) -> Iterator[Path]:
     for write in (test_colmap.write_text, test_colmap.write_binary):
-        yield write(_new(folder), test_colmap.IMAGES, test_colmap.POINTS)
+        yield write(_new(folder), *test_colmap.many())
 
 
 def _opensfm(folder: Path) -> Iterator[Path]:
@@ -210,14 +216,11 @@ def _compressed(folder: Path) -> Iterator[Path]:
     yield path
 
 
-_TEXTS = [
+_TEXTS: list[str | bytes] = [
     "".join(f"{n % 3} {n // 3 % 3} {n % 2 * 2}\n" for n in range(18)),
     *(_timed(), "x,y,z\n" + LINES[:2000].replace(" ", ","), LINES[:1500].replace(".", ",")),
-    *(
-        "\ufeff# x y z r g b\n" + LINES[:500].replace("\n", " 1 2 3\n"),
-        "[1.5, 2, 3]\n[4, 5, 6]\n" * 20,
-    ),
-    *("x;y;z\n" + LINES[:800].replace(" ", ";"), LINES[:900].encode("utf-16").decode("latin-1")),
+    *("\ufeff# x y z r g b\n" + LINES[:500].replace("\n", " 1 2 3\n"),),
+    *("x;y;z\n" + LINES[:800].replace(" ", ";"), LINES[:900].encode("utf-16")),
 ]
 
 
@@ -235,7 +238,7 @@ def _maps(folder: Path) -> Iterator[Path]:
 _CONFIGURATIONS = [
     *(preset_text(name) for name in ("default", "thesis", "plain")),
     "map: {cell_size: 0.5, free_space: true}\npipeline:\n"
-    "  - median: {radius: 2 cells}\n  - plaster\n",
+    "  - median: {nb_radius: 2 cells}\n  - plaster\n",
     "vehicle: {width: 0.6, height: 0.4}\nmap:\n  cell_size: auto\nmode: sequential\n",
 ]
 

@@ -72,10 +72,10 @@ _BUILDS = (
     "info in/recording",
     "info in/recording --json",
     "build in/recording -o out/map.npz",
-    "build in/recording -o out/map.npz --free-space --up auto",
-    "build in/recording -o out/map.npz --set map.cell_size=0.5 --memory 100M",
+    "build in/recording -o out/map.npz --free-space -c plain",
+    "build in/recording -o out/map.npz --set map.cell_size=0.5 --memory 500M",
     "build in/recording -o out/map.npz --set map.cell_size=2 --growing --replay out/map.mcap",
-    "build in/recording -o out/map.npz --dry-run",
+    "build in/recording -o out/map.npz --dry-run --up -y",
 )
 _SOURCES = (
     *("ros1", "ros2", "sqlite", "mcap", "compressed", "text", "ply", "pcd", "pts", "ptx"),
@@ -89,8 +89,8 @@ _OF_MAPS = {
     "info": ("info in/map.npz", "info in/map.npz --json"),
     "query": ("query in/map.npz --at 1,2 --at 1,2,0.5", "query in/map.npz --at 1,2 --json"),
     "explore": (
-        "explore in/map.npz --craft 0.6,0.4 --views 2 -o out/views.csv",
-        "explore in/map.npz --craft 0.6,0.4 --views 2 -o out/views.plan --origin 47,8,400",
+        "explore in/map.npz --craft 0.6,0.4 --range 6 --views 2 -o out/views.csv",
+        "explore in/map.npz --craft 0.6,0.4 --range 6 --views 2 -o out/a.plan --origin 47,8,400",
     ),
     "export": tuple(
         f"export in/map.npz --format {name} -o out/map.{ending}"

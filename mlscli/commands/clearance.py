@@ -133,7 +133,7 @@ def _positions(path: str) -> Float64:
 
     read = read_trajectory(Path(path))
     for note in read.notes:
-        say(note)
+        say(f"mls: {note}")
     return read.positions
 
 

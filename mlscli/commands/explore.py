@@ -96,7 +96,7 @@ def command(
     if surface.free is None:
         tell(f"space that nobody looked into is not among it: {NOT_KEPT}")
     if len(found.regions) > found.tried:
-        say(f"{source}: views were tried for the {found.tried} largest regions only")
+        say(f"mls: {source}: views were tried for the {found.tried} largest regions only")
 
 
 def _check(output: str, origin: tuple[float, float, float] | None) -> None:

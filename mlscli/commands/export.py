@@ -119,7 +119,7 @@ def command(source: str | None, as_json: bool, **options: Any) -> None:
 
     written = chosen.write(Order(read_map(map_file), target, options))
     for note in written.notes:
-        say(f"{map_file}: {note}")
+        say(f"mls: {map_file}: {note}")
     if as_json:
         import json
 

@@ -344,7 +344,7 @@ def _poses(file: str | None) -> CameraPoses | None:
 
     read = read_trajectory(Path(file))
     for note in read.notes:
-        say(note)
+        say(f"mls: {note}")
     return poses_of(read.positions, read.attitudes)
 
 

@@ -111,8 +111,8 @@ def _points(surface: SurfaceMap, sources: tuple[str, ...]) -> Float64:
     cloud = read_points(recording)
     if surface.size and len(cloud) and not _meet(surface, cloud):
         say(
-            f"{', '.join(sources)}: none of the points lies where the map is; they seem to be of "
-            "another place, or in another frame"
+            f"mls: {', '.join(sources)}: none of the points lies where the map is; they seem to "
+            "be of another place, or in another frame"
         )
     return cloud
 

@@ -173,3 +173,13 @@ def test_the_way_is_written_only_where_nothing_is_lost(tmp_path: Path) -> None:
     assert "way.mcap" in done.stderr
     assert mls(*given, "--overwrite", cwd=tmp_path).returncode == 0
     assert CELL == 0.5
+
+
+def test_what_is_told_of_a_path_begins_with_the_name_of_the_program(tmp_path: Path) -> None:
+    deck(tmp_path)
+    lines = [f"{1403636580 * 10**9 + n * 10**8} {n - 3} 0 1.5 0 0 0 1\n" for n in range(5)]
+    (tmp_path / "path.txt").write_text("".join(lines))
+    words = ("--craft", "1,1", "--path", "path.txt")
+    done = mls("clearance", "deck.npz", *words, cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == "mls: path.txt: the time stamps are taken as nanoseconds\n"
