@@ -25,7 +25,7 @@ from mlscli.maps.grid import Grid
 from mlscli.maps.order import Columns, Keys, OccupiedCells, ascend, come_before, interleave, pick
 from mlscli.maps.patches import overlap, reach_beyond
 from mlscli.maps.uncertainty import height_variances
-from mlscli.parameters.lengths import FARTHEST
+from mlscli.parameters.lengths import FARTHEST, LARGEST_CELL, SMALLEST_CELL
 from mlscli.runtime.arrays import Array, Bool, Float32, Float64, Int32, Int64, UInt8, UInt32
 from mlscli.runtime.threads import LIGHT, in_ranges
 
@@ -354,11 +354,13 @@ class SurfaceMap:
             raise InputError(fault)
 
     def _faults(self) -> Iterator[str]:
-        for name in ("cell_size", "gap_size", "thickness"):
+        if not SMALLEST_CELL <= self.cell_size <= LARGEST_CELL:
+            sides = f"from {SMALLEST_CELL:g} to {LARGEST_CELL:g}"
+            yield f"cell_size: is {self.cell_size!r}; it must be {sides}"
+        for name in ("gap_size", "thickness"):
             value = getattr(self, name)
-            least = "above 0" if name == "cell_size" else "0 or more"
-            if not math.isfinite(value) or value < 0 or (name == "cell_size" and value == 0):
-                yield f"{name}: is {value!r}; it must be {least}"
+            if not math.isfinite(value) or value < 0:
+                yield f"{name}: is {value!r}; it must be 0 or more"
         yield from self._form_faults()
         yield from self._value_faults()
         yield from self.free.faults() if self.free is not None else ()

@@ -15,6 +15,9 @@ WIDEST = 2**32
 FARTHEST = 1e8
 """The greatest absolute value of a coordinate; a point with a greater one is no measurement."""
 
+SMALLEST_CELL, LARGEST_CELL = 1e-9, 1e9
+"""The sides that a cell may have."""
+
 # Of a cell: lengths that differ by no more are the same length, written or computed otherwise.
 ALIKE = 1e-9
 

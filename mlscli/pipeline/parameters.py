@@ -12,7 +12,13 @@ from typing import Any, Literal, NamedTuple
 from mlscli.errors import ConfigError, UsageError, expect
 from mlscli.maps.grid import Grid
 from mlscli.parameters.fields import UNKNOWN, fields_of, json_value, parameter, write_value
-from mlscli.parameters.lengths import Cells, Length, in_units
+from mlscli.parameters.lengths import (
+    LARGEST_CELL,
+    SMALLEST_CELL,
+    Cells,
+    Length,
+    in_units,
+)
 from mlscli.pipeline.stages.rays import Rays
 from mlscli.pipeline.stages.regions import Regions
 from mlscli.pipeline.stages.registry import STAGES
@@ -47,8 +53,8 @@ class MapParameters:
     cell_size: float | Literal["auto"] = parameter(
         "auto",
         "side of a cell; auto: from the distances of the recording's points",
-        low=1e-9,
-        high=1e9,
+        low=SMALLEST_CELL,
+        high=LARGEST_CELL,
     )
     gap_size: Length | Literal["auto"] | None = parameter(
         "auto",

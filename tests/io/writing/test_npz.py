@@ -161,6 +161,15 @@ def test_a_header_that_cannot_be_parsed_is_named(written: Path, fault: str) -> N
     assert is_map(written)
 
 
+@pytest.mark.parametrize("side", [0.0, -0.5, 1e-300, 1e300, np.inf, np.nan])
+def test_a_side_that_no_cell_has_is_named(written: Path, side: float) -> None:
+    rewrite(written, cell_size=np.array(side))
+    with pytest.raises(
+        InputError, match=r"flight\.npz: cell_size: is .*; it must be from 1e-09 to"
+    ):
+        read_map(written)
+
+
 def test_a_size_that_is_only_claimed_is_refused_before_memory_is_given(written: Path) -> None:
     claim_size(written, "ix", "<f8")
     with pytest.raises(InputError, match="ix: declares"):
