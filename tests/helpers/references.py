@@ -32,7 +32,9 @@ def orphans(
         ]
         alike = [other for other in around if apart(patch, other) <= vertical]
         points, all_points = (sum(other.count for other in some) for some in (alike, around))
-        return len(alike) - 1 >= min_neighbours and points >= min_share * all_points
+        levels = len(around) / len({other.cell for other in around})
+        enough = min_share * all_points * min(1.0, 10 / levels)
+        return len(alike) - 1 >= min_neighbours and points >= enough
 
     return [patch for patch in patches if stays(patch)]
 

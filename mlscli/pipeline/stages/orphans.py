@@ -7,7 +7,9 @@ A patch stays if at least `min_neighbours` other patches lie in its box: cell in
 With `min_share`, it must also be a part of what was measured around it: of the points of all
 patches in the columns of its box, it and those near it in height hold at least that share. Outliers
 that lie near each other bear each other out, but where a surface was seen well, they are few beside
-its points. A surface that was seen as seldom as all around it is none of them.
+its points. A surface that was seen as seldom as all around it is none of them. Of a tower with
+hundreds of levels each holds next to nothing: where the cells of the box hold more than 10 patches
+in the mean, what 10 in each hold in the mean counts as all.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ from mlscli.runtime.threads import LIGHT, in_ranges
 
 # Of a cell with more patches, only those of about the same height are compared.
 _MANY = 16
+# The points of at most so many levels count as all around.
+_LEVELS = 10
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ class Orphans(MapStage):
     min_share: float = parameter(
         0.0,
         "a patch is removed if it and the others in its box hold a smaller share of the points in "
-        "the box's columns, at any height",
+        "the box's columns, at any height, or of ten levels' where there are more",
         low=0,
         high=1,
     )
@@ -188,13 +192,17 @@ def _weigh(
     first, beyond = np.full(columns, -1, dtype=np.int64), np.full(columns, -1, dtype=np.int64)
     for cell in range(begin, end):
         lowest, highest = np.int64(iy[cell]) - half_y, np.int64(iy[cell]) + half_y
-        everything = 0
+        everything, patches, cells = 0, 0, 0
         for column in range(columns):
             x = np.int64(ix[cell]) + column - half_x
             first[column] = sought(ix, iy, first[column], x, lowest)
             beyond[column] = sought(ix, iy, beyond[column], x, highest + 1)
             everything += points[start[beyond[column]]] - points[start[first[column]]]
+            patches += start[beyond[column]] - start[first[column]]
+            cells += beyond[column] - first[column]
         enough = min_share * everything
+        if patches > _LEVELS * cells:
+            enough = min_share * (everything * _LEVELS * cells / patches)
         for i in range(start[cell], start[cell + 1]):
             alike = points[i + 1] - points[i]
             # The patch's own column comes first: mostly it suffices.
