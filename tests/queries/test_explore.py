@@ -194,7 +194,7 @@ def test_regions_are_no_wider_than_a_look_and_small_ones_are_left_out() -> None:
 
 def test_the_camera_sees_by_default_as_far_as_that_of_a_synthetic_flight() -> None:
     assert explore(yard(), 0.5, 0.5).camera == Camera(120.0, 12.0)
-    with pytest.raises(UsageError, match=r"^`range` 0: .*; the map does not tell how high the "):
+    with pytest.raises(UsageError, match=r"^`range`: say .*; the map does not tell how high the "):
         explore(replace(yard(), route=ROUTE * np.nan), 0.5, 0.5)
 
 
