@@ -96,3 +96,11 @@ def test_what_the_linter_lets_scripts_share_they_share() -> None:
         assert set(users) - {owner}, f"no other script uses {name} of {owner}"
     pattern = config["rules"]["no-unused-vars"][1]["varsIgnorePattern"]
     assert set(pattern.removeprefix("^(").removesuffix(")$").split("|")) == shared
+
+
+def test_the_tests_that_hold_a_promise_are_there() -> None:
+    named = re.findall(r"`([\w/]+\.py)(?:::(test_\w+))?`", text("docs/reliability.md"))
+    assert len(named) > 15
+    for file, test in named:
+        assert not test or f"\ndef {test}(" in text(f"tests/{file}"), file
+        assert (ROOT / "tests" / file).is_file(), file

@@ -1,8 +1,9 @@
 """Make the site of the documentation: ``python -m docs.site.build [OUT]`` (./dev docs).
 
-Pages are those of docs/, the README, the benchmarks', CONTRIBUTING.md and CHANGELOG.md, where they
-are; the reference is made from the code: commands and their options, parameters, and the public
-names of the package. A warning ends it with an error, as of a link or an anchor that leads nowhere.
+Pages are those of docs/, the README, the benchmarks', CONTRIBUTING.md, SECURITY.md and
+CHANGELOG.md, where they are; the reference is made from the code: commands and their options,
+parameters, and the public names of the package. A warning ends it with an error, as of a link or an
+anchor that leads nowhere.
 """
 
 from __future__ import annotations
@@ -46,8 +47,15 @@ CHAPTERS = {
         "docs/commands",
     ),
     "Reference": ("reference/commands", "reference/parameters", "reference/python"),
-    "How it works": ("docs/map", "docs/stages", "docs/meshes", "docs/gallery", "benchmarks/README"),
-    "Carrying on": ("docs/design", "CONTRIBUTING", "CHANGELOG"),
+    "How it works": (
+        "docs/map",
+        "docs/stages",
+        "docs/meshes",
+        "docs/reliability",
+        "docs/gallery",
+        "benchmarks/README",
+    ),
+    "Carrying on": ("docs/design", "CONTRIBUTING", "SECURITY", "CHANGELOG"),
 }
 
 
@@ -123,7 +131,14 @@ def python() -> str:
 
 def gather(source: Path) -> None:
     """Write all that the site is made of into a folder."""
-    for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", "CITATION.cff"):
+    for name in (
+        "README.md",
+        "CONTRIBUTING.md",
+        "SECURITY.md",
+        "CHANGELOG.md",
+        "LICENSE",
+        "CITATION.cff",
+    ):
         shutil.copy(ROOT / name, source)
     for folder in ("docs", "benchmarks", "configs", ".github"):
         if (ROOT / folder).is_dir():
