@@ -132,7 +132,7 @@ def _positions(path: str) -> Float64:
     from mlscli.io.clouds.trajectory import read_trajectory
 
     read = read_trajectory(Path(path))
-    for note in read.notes:
+    for note in (*read.notes, *read.losses):
         say(f"mls: {note}")
     return read.positions
 

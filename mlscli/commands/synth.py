@@ -343,7 +343,7 @@ def _poses(file: str | None) -> CameraPoses | None:
     from mlscli.scenes.route import poses_of
 
     read = read_trajectory(Path(file))
-    for note in read.notes:
+    for note in (*read.notes, *read.losses):
         say(f"mls: {note}")
     return poses_of(read.positions, read.attitudes)
 

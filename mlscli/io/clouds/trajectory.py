@@ -53,8 +53,8 @@ class Trajectory:
     attitudes : float64 (K, 4) or None
         Unit quaternions x y z w, from the axes of the craft or its camera to those of the world;
         None where not known.
-    notes : tuple of str
-        What the user should know about how it was read.
+    notes, losses : tuple of str
+        What the user should know about how it was read, and what could not be read.
     is_timed : bool
         Whether the stamps are times; otherwise they only count the poses.
     order : str
@@ -67,6 +67,7 @@ class Trajectory:
     positions: Float64
     attitudes: Float64 | None
     notes: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
     is_timed: bool = True
     order: str = ""
 
@@ -120,12 +121,13 @@ def read_trajectory(path: Path) -> Trajectory:
                 f"{path}: found {opening.width} columns, expected {' '.join(TUM)}, or the first "
                 "four, or a header that names them"
             )
-        rows, notes = _rows(path, opening, columns)
+        rows, losses = _rows(path, opening, columns)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    notes = []
     if columns.order == W_FIRST:
         notes.append(f"{path}: the quaternions are taken as w x y z, as VINS and EuRoC write them")
-    return _trajectory(path, rows, columns, notes)
+    return _trajectory(path, rows, columns, notes, losses)
 
 
 def is_pose_graph(head: bytes) -> bool:
@@ -143,8 +145,8 @@ def _columns(opening: Opening) -> PoseColumns | None:
 
 
 def _rows(path: Path, opening: Opening, columns: PoseColumns) -> tuple[Float64, list[str]]:
-    """Return the columns of all rows, float64 (N, columns), and notes."""
-    found, notes, line = [], list[str](), 1
+    """Return the columns of all rows, float64 (N, columns), and losses."""
+    found, losses, line = [], list[str](), 1
     with open_text(path) as file:
         for _ in range(opening.first_line):
             file.readline()
@@ -158,8 +160,8 @@ def _rows(path: Path, opening: Opening, columns: PoseColumns) -> tuple[Float64, 
                     where = f"{path}:{first + broken.line}: {broken.fault}"
                     if part is ended + newline or not found:
                         raise InputError(where) from None
-                    notes.append(f"{where}; the text seems to be cut there")
-    return np.concatenate(found), notes
+                    losses.append(f"{where}; the text seems to be cut there, and 1 row is left out")
+    return np.concatenate(found), losses
 
 
 def _of_graph(path: Path) -> Trajectory:
@@ -185,11 +187,17 @@ def _of_graph(path: Path) -> Trajectory:
                     "a pose"
                 ) from None
             poses.append((name, *pose))
-    return _trajectory(path, np.array(poses), PoseColumns(ordered(TUM)), [], is_timed=False)
+    return _trajectory(path, np.array(poses), PoseColumns(ordered(TUM)), [], [], is_timed=False)
 
 
 def _trajectory(
-    path: Path, rows: Float64, columns: PoseColumns, notes: list[str], *, is_timed: bool = True
+    path: Path,
+    rows: Float64,
+    columns: PoseColumns,
+    notes: list[str],
+    losses: list[str],
+    *,
+    is_timed: bool = True,
 ) -> Trajectory:
     """Return the trajectory of rows, float64 (N, columns)."""
     names = list(columns.layout.places)
@@ -232,6 +240,7 @@ def _trajectory(
         positions[order] + 0.0,
         None if attitudes is None else unit(attitudes[order]),
         tuple(notes),
+        tuple(losses),
         is_timed,
         columns.order if attitudes is not None else "",
     )

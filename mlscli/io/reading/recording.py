@@ -142,7 +142,8 @@ class Recording:
     @property
     def losses(self) -> list[str]:
         """What the last pass could not read."""
-        return [loss for source in self._sources for loss in source.losses]
+        losses = [loss for source in self._sources for loss in source.losses]
+        return [*losses, *self._trajectory.losses] if self._trajectory else losses
 
     @property
     def expected_keyframes(self) -> int | None:

@@ -332,6 +332,7 @@ def test_a_trajectory_cut_in_its_last_line_is_read_up_to_there(tmp_path: Path) -
     trajectory = read(tmp_path, "1 2 3 4 0 0 0 1\n2 3 4 5 0 0 0 1\n3 4 5 6 0")
 
     assert trajectory.stamps.tolist() == [1, 2]
-    (note,) = trajectory.notes
-    assert "traj.txt:3: found 5 columns" in note
-    assert "cut there" in note
+    (loss,) = trajectory.losses
+    assert "traj.txt:3: found 5 columns" in loss
+    assert "cut there, and 1 row is left out" in loss
+    assert not trajectory.notes

@@ -128,6 +128,13 @@ def test_a_trajectory_tells_where_the_craft_was_before_all_else(tmp_path: Path) 
     assert_near(positions_of(recording), [(2, 2, 3), (5, 2, 3), (5, 2, 3)])
 
 
+def test_what_is_cut_off_a_route_is_a_loss_of_the_recording(tmp_path: Path) -> None:
+    path = text(tmp_path, "0 0 0 5\n1 1 0 5\n2 2", "route.txt")
+    recording = open_recording(text(tmp_path, "1 2 3\n"), route=path)
+    (loss,) = recording.losses
+    assert "route.txt:3: found 2 columns" in loss
+
+
 @pytest.mark.parametrize(
     ("begin", "unit", "known"),
     [(1_700_000_000, 1, True), (1_700_000_000, 10**9, True), (100, 1, False)],
