@@ -7,7 +7,7 @@ Separators and comments are as in a text cloud. Time stamps are in seconds, or i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -127,7 +127,7 @@ def read_trajectory(path: Path) -> Trajectory:
     notes = []
     if columns.order == W_FIRST:
         notes.append(f"{path}: the quaternions are taken as w x y z, as VINS and EuRoC write them")
-    return _trajectory(path, rows, columns, notes, losses)
+    return replace(_trajectory(path, rows, columns, notes), losses=tuple(losses))
 
 
 def is_pose_graph(head: bytes) -> bool:
@@ -187,17 +187,11 @@ def _of_graph(path: Path) -> Trajectory:
                     "a pose"
                 ) from None
             poses.append((name, *pose))
-    return _trajectory(path, np.array(poses), PoseColumns(ordered(TUM)), [], [], is_timed=False)
+    return _trajectory(path, np.array(poses), PoseColumns(ordered(TUM)), [], is_timed=False)
 
 
 def _trajectory(
-    path: Path,
-    rows: Float64,
-    columns: PoseColumns,
-    notes: list[str],
-    losses: list[str],
-    *,
-    is_timed: bool = True,
+    path: Path, rows: Float64, columns: PoseColumns, notes: list[str], *, is_timed: bool = True
 ) -> Trajectory:
     """Return the trajectory of rows, float64 (N, columns)."""
     names = list(columns.layout.places)
@@ -240,7 +234,6 @@ def _trajectory(
         positions[order] + 0.0,
         None if attitudes is None else unit(attitudes[order]),
         tuple(notes),
-        tuple(losses),
-        is_timed,
-        columns.order if attitudes is not None else "",
+        is_timed=is_timed,
+        order=columns.order if attitudes is not None else "",
     )
