@@ -17,7 +17,7 @@ from mlscli.runtime.arrays import Float64, Int64, UInt8
 from mlscli.runtime.kernels import inner, kernel
 
 _TAB, _NEWLINE, _RETURN, _BLANK = 9, 10, 13, 32
-_PLUS, _MINUS, _POINT, _ZERO, _NINE = 43, 45, 46, 48, 57
+_PLUS, _MINUS, _POINT, _ZERO = 43, 45, 46, 48
 _LOWER, _E, _N, _A = 32, 101, 110, 97
 
 _MOST_DIGITS = 19
