@@ -22,6 +22,7 @@ from typing import NoReturn
 import click
 
 from mlscli.commands.completion import VARIABLE, completed
+from mlscli.commands.verbosity import verbosity, with_verbosity, write_line
 from mlscli.errors import ConfigError, MlsError, nearest, printable, shorten, with_options
 from mlscli.runtime.interrupts import end_in_time, when_safe
 from mlscli.runtime.notices import hear
@@ -31,7 +32,7 @@ from mlscli.version import __version__
 # Name to module and to a line of help, so that the help of the group imports no command.
 COMMANDS = {
     "build": ("mlscli.commands.build", "Build a map from a recording."),
-    "export": ("mlscli.commands.export", "Write a map as a mesh."),
+    "export": ("mlscli.commands.export", "Write a map as a mesh, or for a planner."),
     "view": ("mlscli.commands.view", "Look at a map in the browser."),
     "plot": ("mlscli.commands.plot", "Draw a map from above, cut upright, or beside another."),
     "info": ("mlscli.commands.info", "Say what a recording or a map holds."),
@@ -75,7 +76,7 @@ class LazyGroup(click.Group):
         """Import a command; None for an unknown name."""
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = import_module(COMMANDS[cmd_name][0]).command
+        command = with_verbosity(import_module(COMMANDS[cmd_name][0]).command)
         return completed(command) if VARIABLE in os.environ else command
 
     def resolve_command(
@@ -121,6 +122,9 @@ class Run:
 def commands(run: Run, debug: bool) -> None:
     """Multi-level surface maps and meshes from recorded drone flights."""
     run.debug = debug
+
+
+with_verbosity(commands)
 
 
 def main() -> NoReturn:
@@ -186,10 +190,8 @@ def _status(run: Run) -> int:
 
 
 def _say(notice: str) -> None:
-    # On a terminal, the line is cleared first: it may hold a progress bar.
-    line = f"mls: {printable(notice)}"
-    with suppress(OSError):
-        click.echo(f"\r\x1b[K{line}" if sys.stderr.isatty() else line, err=True)
+    if verbosity() != "quiet":
+        write_line(f"mls: {printable(notice)}")
 
 
 def _report(error: BaseException, run: Run) -> int:

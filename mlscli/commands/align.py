@@ -30,8 +30,8 @@ _ENDINGS = (".json", ".npz")
     "outputs",
     metavar="FILE",
     multiple=True,
-    help="The transform (.json), with which mls build brings the recording of B onto A, or B moved "
-    "patch by patch onto the grid of A (.npz). Can be given twice.",
+    help="The transform (.json; - prints it), with which mls build brings the recording of B onto "
+    "A, or B moved patch by patch onto the grid of A (.npz). Can be given twice.",
 )
 @click.option(
     "--scale",
@@ -64,6 +64,8 @@ def command(
 
     from mlscli.io.writing.atomic import atomic_write, refuse_existing
 
+    if "-" in outputs:
+        as_json, outputs = True, tuple(output for output in outputs if output != "-")
     endings = [Path(output).suffix.lower() for output in outputs]
     for output, ending in zip(outputs, endings, strict=True):
         if ending not in _ENDINGS or endings.count(ending) > 1:

@@ -18,6 +18,7 @@ from mlscli.commands.options import (
     say,
     tell,
 )
+from mlscli.commands.piped import piped
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import FormatsInHelp, files_named, read_points, reading
 from mlscli.words import some
@@ -43,6 +44,7 @@ _OF_QUALITY = "scenes", "clouds", "outliers", "seeds", "noise", "sigma"
     "clouds",
     multiple=True,
     metavar="SCAN",
+    callback=piped,
     help="A dense scan of a real place, to be flown over in place of scenes; each by itself.",
 )
 @features
@@ -61,9 +63,12 @@ _OF_QUALITY = "scenes", "clouds", "outliers", "seeds", "noise", "sigma"
 )
 @click.option("--plot", metavar="FILE", help="Draw the times of --sizes: PNG, SVG or PDF.")
 @click.option(
-    "--compare", metavar="OLD.json", help="Put the times of an earlier --sizes --json beside."
+    "--compare",
+    metavar="OLD.json",
+    callback=piped,
+    help="Put the times of an earlier --sizes --json beside.",
 )
-@click.option("-o", "--output", metavar="FILE", help="Write the report to a file.")
+@click.option("-o", "--output", metavar="FILE", help="Write the report to a file; - prints it.")
 @configured
 @overwrite
 @as_json
@@ -119,6 +124,7 @@ def command(
     else:
         refuse_given("goes with --cloud SCAN", "features", *selection)
     parameters = load(config, settings)
+    output = None if output == "-" else output
     for target in (output, plot):
         if target is not None:
             inputs = filter(None, (*clouds, config, compare, *files_named(selection)))

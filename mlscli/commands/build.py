@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import dryrun, report
-from mlscli.commands.options import PARTLY_READ, Size, as_json, configured, overwrite, say, tell
+from mlscli.commands.options import (
+    PARTLY_READ,
+    Size,
+    as_json,
+    configured,
+    overwrite,
+    say,
+    tell,
+    warn,
+)
+from mlscli.commands.piped import STANDARD_INPUT, piped
 from mlscli.commands.progress import ProgressBar
 from mlscli.commands.reading import FormatsInHelp, files_named, reading
 from mlscli.errors import UsageError
@@ -35,7 +45,7 @@ _NO_MAPS = (
 
 
 @click.command(cls=FormatsInHelp)
-@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, callback=piped)
 @click.option(
     "-o",
     "--output",
@@ -179,7 +189,7 @@ def command(
         if note not in notes:
             say(f"mls: {note}")
     for loss in recording.losses:
-        say(f"mls: warning: {loss}")
+        warn(f"mls: warning: {loss}")
     for doubt in given_size_doubts(account, account["vehicle"]["height"], recording.tally.step):
         say(f"mls: {doubt}")
     seconds = time.perf_counter() - begin
@@ -190,7 +200,15 @@ def command(
 
 
 def default_output(source: str) -> str:
-    """Return the name of the map where none is given: the source's stem and ``.npz``."""
+    """Return the name of the map where none is given: the source's stem and ``.npz``.
+
+    Raises
+    ------
+    UsageError
+        The source is standard input.
+    """
+    if source == STANDARD_INPUT:
+        raise UsageError("SOURCE -: standard input has no name to take; add one, as -o map.npz")
     path = Path(source).resolve()
     # A folder's name has no ending to take off.
     return f"{path.name if path.is_dir() else path.stem}.npz"

@@ -12,6 +12,7 @@ import click
 from mlscli.commands import report
 from mlscli.commands.flying import craft_size
 from mlscli.commands.options import as_json, least_lines, overwrite, say, tell
+from mlscli.commands.piped import piped
 from mlscli.commands.query import NOT_KEPT
 from mlscli.errors import UsageError
 
@@ -43,6 +44,7 @@ _MOST_STRETCHES = 12
 @click.option(
     "--path",
     metavar="FILE",
+    callback=piped,
     help="Along the positions in a file: TUM, CSV, or whatever mls build --route reads.",
 )
 @least_lines

@@ -11,6 +11,7 @@ import click
 
 from mlscli.commands.compare_text import changes_text, comparison_text, scan_text, score_text
 from mlscli.commands.options import PARTLY_READ, as_json, refuse_given, tell
+from mlscli.commands.piped import piped
 from mlscli.commands.reading import FormatsInHelp, read_points, reading
 from mlscli.errors import InputError, UsageError
 
@@ -42,6 +43,7 @@ DIFFER, TROUBLE = 1, 2
     "scans",
     multiple=True,
     metavar="SCAN",
+    callback=piped,
     help="A dense scan of the same place, in the map's frame. Several are taken as one.",
 )
 @click.option(

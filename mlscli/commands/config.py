@@ -5,7 +5,8 @@ from __future__ import annotations
 import click
 
 from mlscli.commands.options import as_json, configured, overwrite, say, setting
-from mlscli.errors import ConfigError, MlsError
+from mlscli.commands.piped import piped
+from mlscli.errors import ConfigError
 
 
 @click.group(no_args_is_help=False)
@@ -56,7 +57,7 @@ def show(config: str | None, settings: tuple[str, ...], as_json: bool) -> None:
 
 
 @command.command()
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", callback=piped)
 @setting
 def check(files: tuple[str, ...], settings: tuple[str, ...]) -> None:
     """Check configurations or presets, with settings on top, and report every fault in them.
@@ -72,8 +73,6 @@ def check(files: tuple[str, ...], settings: tuple[str, ...]) -> None:
             conditional = conditional_faults(load(name, settings))
         except ConfigError as error:
             faults += error.faults
-        except MlsError as error:
-            faults.append(str(error))
         else:
             say(f"{name}: ok")
             for fault in conditional:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report
-from mlscli.commands.options import PARTLY_READ, say, tell
+from mlscli.commands.options import PARTLY_READ, say, tell, warn
 from mlscli.errors import with_options
 from mlscli.words import some
 
@@ -55,7 +55,7 @@ def report_build(
     for note in estimate.notes:
         say(f"mls: {note}")
     for loss in estimate.lost:
-        say(f"mls: warning: {loss}")
+        warn(f"mls: warning: {loss}")
     click.echo(json.dumps(account, indent=2)) if as_json else tell(_text(account, parameters))
     return PARTLY_READ if estimate.lost else 0
 

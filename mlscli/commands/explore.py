@@ -43,9 +43,9 @@ ENDINGS = (".csv", ".tum", ".txt", ".plan", ".mcap", ".html")
     "outputs",
     metavar="FILE",
     multiple=True,
-    help="Write the views: a table (.csv); the way along them as a trajectory of TUM (.tum, .txt) "
-    "for mls synth --route, a plan of QGroundControl (.plan), or a path and markers for RViz and "
-    "Lichtblick (.mcap); or the map's page with them (.html). More may be named.",
+    help="Write the views: a table (.csv; - prints it); the way along them as a trajectory of TUM "
+    "(.tum, .txt) for mls synth --route, a plan of QGroundControl (.plan), or a path and markers "
+    "for RViz and Lichtblick (.mcap); or the map's page with them (.html). More may be named.",
 )
 @click.option(
     "--origin",
@@ -80,6 +80,10 @@ def command(
     from mlscli.queries.exploration import Camera
     from mlscli.queries.explore import explore
 
+    prints = "-" in outputs
+    outputs = tuple(output for output in outputs if output != "-")
+    if prints and as_json:
+        raise UsageError("-o -: does not go with --json, both print; name a file, table.csv")
     for output in outputs:
         _check(output, origin)
         refuse_existing(output, overwrite=overwrite, sources=[source])
@@ -87,6 +91,11 @@ def command(
     found = explore(surface, *craft, Camera(field_of_view, reach), most=views, least=least)
     for output in outputs:
         _write(output, surface, found, origin, overwrite=overwrite)
+    if prints:
+        from mlscli.io.writing.views import table_of
+
+        click.echo(table_of(found), nl=False)
+        return
     if as_json:
         told = _told(found, craft) | {"free_space": surface.free is not None}
         click.echo(json.dumps(told, indent=2))

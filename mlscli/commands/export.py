@@ -28,7 +28,8 @@ from mlscli.errors import UsageError
     "--format",
     "kind",
     type=click.Choice(tuple(FORMATS)),
-    help="Default: what -o ends in, or else ply.",
+    metavar="FORMAT",
+    help=f"{', '.join(FORMATS)}; by default what -o ends in, or else ply.",
 )
 @click.option(
     "--style",

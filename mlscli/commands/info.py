@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mlscli.commands import report, topics
-from mlscli.commands.options import PARTLY_READ, as_json, say, tell
+from mlscli.commands.options import PARTLY_READ, as_json, tell, warn
+from mlscli.commands.piped import piped
 from mlscli.errors import printable
 from mlscli.words import some
 
@@ -22,7 +23,7 @@ TEXT = "text cloud"
 
 
 @click.command()
-@click.argument("paths", metavar="FILE...", nargs=-1, required=True)
+@click.argument("paths", metavar="FILE...", nargs=-1, required=True, callback=piped)
 @click.option("--columns", metavar="LIST", help="Columns of text clouds, as for mls build.")
 @click.option(
     "--up",
@@ -47,7 +48,7 @@ def command(paths: tuple[str, ...], columns: str | None, up: str, as_json: bool)
         try:
             results.append(_describe(path, columns, up))
         except MlsError as error:
-            say(f"mls: {error}")
+            warn(f"mls: {error}")
             status = max(status, error.exit_status)
     if columns is not None and results and not any(r["kind"] == TEXT for r in results):
         raise UsageError(f"--columns {columns}: none of the files is a text cloud")

@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from mlscli.commands.piped import piped
+from mlscli.commands.verbosity import verbosity
 from mlscli.errors import UsageError, printable, with_options
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -48,6 +50,7 @@ def configured(command: Command) -> Command:
         "-c",
         "--config",
         metavar="FILE",
+        callback=piped,
         help="Parameters in YAML, or a preset: default, plain, thesis.",
     )
     return config(setting(command))
@@ -81,10 +84,16 @@ as_json = click.option("--json", "as_json", is_flag=True, help="Print the result
 
 
 def say(message: str) -> None:
-    """Print a message that is not a result, on standard error.
+    """Print a note on standard error, unless the user wants quiet; see `warn` for the rest.
 
     Arguments in backquotes become options, as `mlscli.errors.with_options` has it.
     """
+    if verbosity() != "quiet":
+        warn(message)
+
+
+def warn(message: str) -> None:
+    """Print a warning or an error on standard error, as `say` prints notes."""
     with suppress(OSError):
         # Where nobody can hear it, the work goes on.
         click.echo(printable(with_options(message)), err=True)

@@ -9,6 +9,9 @@ import time
 
 import click
 
+from mlscli.commands.verbosity import verbosity
+from mlscli.runtime.notices import detail
+
 BAR_WIDTH = 24
 BETWEEN = 0.1  # seconds between two drawings
 
@@ -21,7 +24,8 @@ class ProgressBar:
     """
 
     def __init__(self) -> None:
-        self._shown = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        seen = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        self._shown = seen and verbosity() == "usual"
         self._what = ""
         self._begin = self._drawn = 0.0
 
@@ -36,6 +40,7 @@ class ProgressBar:
         now = time.monotonic()
         if what != self._what:
             self._what, self._begin, self._drawn = what, now, 0.0
+            detail(what)
         if now - self._drawn >= BETWEEN:
             self._drawn = now
             self._draw(line(what, done, total, now - self._begin))

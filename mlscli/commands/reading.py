@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from mlscli.commands.options import say
+from mlscli.commands.options import say, warn
+from mlscli.commands.piped import piped
 
 if TYPE_CHECKING:
     from mlscli.io.reading.recording import Recording
@@ -139,11 +140,13 @@ def reading(command: Command) -> Command:
         click.option(
             "--route",
             metavar="FILE",
+            callback=piped,
             help="Trajectory of the craft, lines of: stamp x y z qx qy qz qw (TUM).",
         ),
         click.option(
             "--transform",
             metavar="FILE",
+            callback=piped,
             help="Bring points and positions, once z points up, onto a map of another frame: the "
             "JSON file that mls align wrote.",
         ),
@@ -166,5 +169,5 @@ def read_points(recording: Recording) -> Float64:
     for note in recording.notes:
         say(f"mls: {note}")
     for loss in recording.losses:
-        say(f"mls: warning: {loss}")
+        warn(f"mls: warning: {loss}")
     return np.concatenate(clouds)

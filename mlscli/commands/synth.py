@@ -21,6 +21,7 @@ from mlscli.commands.options import (
     say,
     tell,
 )
+from mlscli.commands.piped import piped
 from mlscli.commands.reading import FormatsInHelp, Numbers, files_named, read_points, reading
 from mlscli.errors import UsageError, with_options
 
@@ -52,6 +53,7 @@ _OF_SCANS = "features", "legs", "survey"
     "clouds",
     multiple=True,
     metavar="SCAN",
+    callback=piped,
     help="A dense scan of a real place, to be flown over as a scene. Several are taken as one.",
 )
 @click.option("--list", "listing", is_flag=True, help="List the scenes there are.")
@@ -124,6 +126,7 @@ _OF_SCANS = "features", "legs", "survey"
 @click.option(
     "--legs",
     metavar="FILE",
+    callback=piped,
     help="With --cloud: the route in YAML, a list of legs; by default one is found.",
 )
 @seeing

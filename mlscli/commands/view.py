@@ -15,6 +15,7 @@ import click
 
 from mlscli.commands.maps import the_one_map
 from mlscli.commands.options import overwrite, say, tell
+from mlscli.commands.piped import piped
 from mlscli.commands.reading import read_points
 from mlscli.errors import OutputError, UsageError
 
@@ -37,6 +38,7 @@ _KEPT = 86_400.0
 @click.option(
     "--points",
     metavar="SOURCE",
+    callback=piped,
     multiple=True,
     help="A recording whose points are shown with the map, read as the map's own was.",
 )

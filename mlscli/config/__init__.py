@@ -47,10 +47,9 @@ def load(source: str | os.PathLike[str] | None = None, sets: Sequence[str] = ())
 
     Raises
     ------
-    InputError
-        Where the file cannot be read, is too large, or is not UTF-8 text.
     ConfigError
-        Where the file or a setting is at fault; lists every fault.
+        Where the file cannot be read, is too large or no UTF-8 text, or where it or a setting is
+        at fault; lists every fault.
     """
     expect_items(sets, "sets", "a list of settings, such as ['map.cell_size=0.2']")
     if source is None:
@@ -105,22 +104,22 @@ def _file_text(source: str | os.PathLike[str]) -> str:
             data = stream.read(MAX_CONFIG_BYTES + 1)
     except FileNotFoundError:
         bare = path.name == os.fspath(source) and not path.suffix
-        missing = f"{path}: no such configuration file"
-        if bare:
-            # A name that is no file's is wrong usage, as in `preset_text`.
-            hint = nearest(path.name, PRESETS)
-            raise ConfigError([f"{missing}, nor a preset; {hint}"]) from None
-        raise InputError(missing) from None
+        else_ = f", nor a preset; {nearest(path.name, PRESETS)}" if bare else ""
+        raise ConfigError([f"{path}: no such configuration file{else_}"]) from None
+    except InputError as error:
+        raise ConfigError([str(error)]) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read as a configuration: {reason}") from error
+        fault = f"{path}: cannot be read as a configuration: {reason}"
+        raise ConfigError([fault]) from error
     if len(data) > MAX_CONFIG_BYTES:
-        raise InputError(f"{path}: more than {MAX_CONFIG_BYTES} bytes, which is no configuration")
+        fault = f"{path}: more than {MAX_CONFIG_BYTES} bytes, which is no configuration"
+        raise ConfigError([fault])
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         found = f"byte 0x{data[error.start]:02x} at offset {error.start}"
-        raise InputError(f"{path}: {found} is not UTF-8; save it as UTF-8 text") from error
+        raise ConfigError([f"{path}: {found} is not UTF-8; save it as UTF-8 text"]) from error
 
 
 def _parameters(text: str, name: str | None, sets: Sequence[str]) -> Parameters:

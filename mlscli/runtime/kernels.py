@@ -18,7 +18,7 @@ from numba.extending import register_jitable
 
 from mlscli.runtime.interrupts import hold_interrupts, release_interrupts
 from mlscli.runtime.kernel_files import UnknownCache, folder, keep, mismatch
-from mlscli.runtime.notices import notice
+from mlscli.runtime.notices import detail, notice
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -78,6 +78,8 @@ class _Compiling(event.Listener):
         if not self._said:
             self._said = True
             self._say()
+        function = event.data["dispatcher"].py_func
+        detail(f"compiling {function.__module__}.{function.__qualname__}")
 
     def _say(self) -> None:
         why = self.not_kept

@@ -13,6 +13,7 @@ import numpy as np
 
 from mlscli.errors import OutputError
 from mlscli.runtime.arrays import Array
+from mlscli.runtime.notices import detail
 
 
 class Scratch:
@@ -38,6 +39,7 @@ class Scratch:
             self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115
         except OSError as error:
             raise self._failed(error) from error
+        detail(f"{self._folder}: what memory has no room for is put into a file there")
 
     def __enter__(self) -> Scratch:
         return self

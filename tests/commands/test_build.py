@@ -293,7 +293,8 @@ BAD_INPUT = {
         1,
         "no point is left to map: of 400 read, dropped were 400 (orphans)",
     ),
-    "standard input": (["-"], 1, "standard input is not read"),
+    "standard input without a name for the map": (["-"], 2, "has no name to take"),
+    "an empty standard input": (["-", "-o", "m.npz"], 1, "/dev/stdin: holds nothing"),
     "a trajectory for a cloud": (["tum.txt"], 1, "name the cloud, and this file after --route"),
     "decimal commas": (
         ["commas.csv"],
@@ -302,7 +303,7 @@ BAD_INPUT = {
     ),
     "an output in no folder": (["flight.txt", "-o", "no/m.npz"], 1, "no/m.npz: "),
     "a typo in the YAML": (["flight.txt", "-c", "typo.yaml"], 2, "typo.yaml:2:3: "),
-    "no such configuration": (["flight.txt", "-c", "nosuch.yaml"], 1, "nosuch.yaml: "),
+    "no such configuration": (["flight.txt", "-c", "nosuch.yaml"], 2, "nosuch.yaml: "),
     "a setting of no stage": (["flight.txt", "--set", "plastr.max_gap=1"], 2, "plaster"),
     "an axis that is none": (["flight.txt", "--up", "w"], 2, "--up w"),
     "a crop of five numbers": (["flight.txt", "--crop", "0,1,0,1,0"], 2, "xmin,xmax"),

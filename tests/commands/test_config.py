@@ -144,7 +144,8 @@ def test_check_reports_the_faults_of_all_files(folder: Path) -> None:
     ]
 
 
-def test_a_missing_configuration_is_one_line_and_status_1(folder: Path) -> None:
-    run = config("show", "-c", str(folder / "none.yaml"))
-    assert run.returncode == 1
+@pytest.mark.parametrize("words", [("show", "-c"), ("check",)])
+def test_a_missing_configuration_is_one_line_and_status_2(folder: Path, words: list[str]) -> None:
+    run = config(*words, str(folder / "none.yaml"))
+    assert run.returncode == 2
     assert run.stderr == f"mls: {folder / 'none.yaml'}: no such configuration file\n"

@@ -18,7 +18,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mlscli.config import PRESETS, load, loads, preset_text, to_yaml
-from mlscli.errors import ConfigError, InputError
+from mlscli.errors import ConfigError
 from mlscli.parameters.fields import fields_of
 from mlscli.parameters.lengths import Cells, Length
 from mlscli.pipeline.parameters import (
@@ -173,7 +173,7 @@ def test_a_file_that_cannot_be_read_is_named(
     make: Callable[[Path], None], told: str, tmp_path: Path
 ) -> None:
     make(tmp_path / "odd.yaml")
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ConfigError) as caught:
         load(tmp_path / "odd.yaml")
     assert str(caught.value).startswith(f"{tmp_path / 'odd.yaml'}: ")
     assert told in str(caught.value)

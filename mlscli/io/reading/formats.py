@@ -13,6 +13,7 @@ from mlscli.io.containers.ros2metadata import STORAGE
 from mlscli.io.files import open_input
 from mlscli.io.ros import METADATA_FILE
 from mlscli.io.source import Reading, Source
+from mlscli.runtime.notices import detail
 
 _HEAD = 1 << 16
 _PCD = re.compile(rb"(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:# ?\.PCD|VERSION 0?\.|FIELDS )")
@@ -50,6 +51,7 @@ def open_source(path: Path, reading: Reading | None = None) -> Source:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     if format_ is None or format_.open is None:
         raise InputError(f"{path}: {found}; can be read: {readable()}")
+    detail(f"{path}: is read as {format_.name}")
     return format_.open(path, reading or Reading())
 
 
@@ -299,10 +301,7 @@ def _head(path: Path) -> bytes:
         if path.is_dir():
             return b""
         if not path.exists():
-            missing = f"{path}: there is no such file or folder"
-            if str(path) == "-":
-                missing += "; standard input is not read, save it to a file and name that"
-            raise InputError(missing)
+            raise InputError(f"{path}: there is no such file or folder")
         if not path.is_file():
             raise InputError(f"{path}: is neither a file nor a folder")
         with open_input(path) as file:

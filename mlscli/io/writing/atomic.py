@@ -13,6 +13,7 @@ from mlscli.errors import OutputError, expect_path
 from mlscli.io.files import special
 from mlscli.io.ros import METADATA_FILE
 from mlscli.runtime.interrupts import undisturbed
+from mlscli.runtime.notices import detail
 from mlscli.runtime.temporary import temporary_file
 
 # Files that are read together, by how their names begin.
@@ -50,6 +51,8 @@ def refuse_existing(
         `sources`, or its folder is missing.
     """
     expect_path(path, "path", "the file to write")
+    if os.fspath(path) == "-":
+        raise OutputError("-: only text and JSON are written to standard output; name a file")
     named = Path(path)
     target = behind(named)
     refuse_sources(named, sources)
@@ -147,6 +150,7 @@ def atomic_write(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
                 else:
                     # Unlike a rename, a link never replaces a file that was created meanwhile.
                     _rename_new(temporary, target)
+        detail(f"{path}: written, {target.stat().st_size:,} bytes")
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
 

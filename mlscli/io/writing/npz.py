@@ -34,6 +34,7 @@ from mlscli.maps.grid import LENGTHS
 from mlscli.maps.stored_map import StoredMap, column_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.runtime.arrays import Array
+from mlscli.runtime.notices import detail
 
 FORMAT, VERSION = "mls-map", 3
 # What earlier versions did not have.
@@ -115,6 +116,7 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
     expect_path(path, "path", "a map")
     source = Path(path)
     expect_file(source)
+    detail(f"{source}: is read as a map")
     with _reading(source), open_input(source) as file, zipfile.ZipFile(file) as archive:
         members = _Members(archive)
         if (kind := members.text("format")) != FORMAT:

@@ -45,16 +45,8 @@ def rows_of(found: Exploration) -> list[dict[str, Any]]:
     return rows
 
 
-def write_views(
-    path: str | os.PathLike[str], found: Exploration, *, overwrite: bool = False
-) -> None:
-    """Write a row for each view as CSV, with a header, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        Where the file exists and `overwrite` is False, or it cannot be written.
-    """
+def table_of(found: Exploration) -> str:
+    """Return a row for each view as CSV, with a header."""
     names = [*_NAMES, "region_x", "region_y", "region_z"]
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -62,8 +54,21 @@ def write_views(
     for row in rows_of(found):
         middle = row.pop("region_middle")
         table.writerow([*("" if value is None else value for value in row.values()), *middle])
+    return text.getvalue()
+
+
+def write_views(
+    path: str | os.PathLike[str], found: Exploration, *, overwrite: bool = False
+) -> None:
+    """Write the table of views, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        Where the file exists and `overwrite` is False, or it cannot be written.
+    """
     with atomic_write(path, overwrite=overwrite) as stream:
-        stream.write(text.getvalue().encode())
+        stream.write(table_of(found).encode())
 
 
 _NAMES = (
