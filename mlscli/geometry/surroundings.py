@@ -194,22 +194,6 @@ def fit_planes(around: Float64) -> Fitted:
     return Fitted(middles, axes[:, :, 0], trust, squares / around.shape[1])
 
 
-def chosen(points: Float64, size: int) -> Float64:
-    """Return `size` points (or all, where there are fewer), chosen by a hash of coordinates.
-
-    In less time than `PointSample` takes, but equal points are chosen together.
-
-    Parameters
-    ----------
-    points : float64 (N, 3)
-        Free of -0.0. Their order does not matter.
-    size : int
-    """
-    if len(points) <= size:
-        return points
-    return points[np.argpartition(hashed(points.T), size)[:size]]
-
-
 def hashed(columns: Iterable[Float64]) -> UInt64:
     """Return a hash of each row, uint64 (N,): bits mixed as in S. Vigna's splitmix64.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlscli.geometry.surroundings import PointSample, chosen, planes
+from mlscli.geometry.surroundings import PointSample, planes
 from mlscli.runtime.arrays import Float64
 
 
@@ -33,17 +33,6 @@ def test_a_sample_depends_neither_on_order_nor_on_repetition_nor_on_how_points_c
     assert sampled(1000, again).tobytes() == expected.tobytes()
     assert sampled(1000, points, again, points[:700]).tobytes() == expected.tobytes()
     assert sampled(1000, *np.array_split(again, 300)).tobytes() == expected.tobytes()
-
-
-def test_points_are_chosen_from_all_over_whatever_their_order() -> None:
-    rng = np.random.default_rng(1)
-    points = np.sort(rng.uniform(0, 1, (5000, 3)), axis=0)
-    few = chosen(points, 300)
-    assert len(rows(few)) == 300
-    assert rows(few) <= rows(points)
-    assert rows(chosen(rng.permutation(points), 300)) == rows(few)
-    assert np.histogram(few[:, 0], 5, (0, 1))[0].min() > 30
-    assert chosen(points[:300], 300).tolist() == points[:300].tolist()
 
 
 def test_a_sample_is_of_distinct_points_of_the_cloud_from_all_over_it() -> None:

@@ -11,8 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from mlscli.geometry.samples import spread
 from mlscli.io.plausibility.finding import Finding, doubted, right
-from mlscli.runtime.arrays import Bool, Float64, Int64
+from mlscli.runtime.arrays import Bool, Float64
 
 _FEWEST, _SHARE = 3, 0.01
 """So many points at exactly (0, 0, 0), and this share of the cloud, are no single point."""
@@ -75,24 +76,12 @@ def _are_apart(points: Float64) -> bool:
     """Return whether no point that is looked at lies at zero; the first coordinate mostly tells."""
     first, places = points[:, 0], None
     if len(points) > _ALL:
-        places = _some(len(points))
+        places = spread(len(points), _GLANCE)
         first = first[places]
     if np.count_nonzero(first) == len(first):
         return True
     (rows,) = np.nonzero(first == 0)
     return bool(points[rows if places is None else places[rows]].any(axis=1).all())
-
-
-@lru_cache(maxsize=64)
-def _some(count: int) -> Int64:
-    """Return places in a cloud, by chance, for what a sensor leaves out is regular."""
-    return (_shifted() * (count / _GLANCE)).astype(np.int64)
-
-
-@lru_cache(maxsize=1)
-def _shifted() -> Float64:
-    """Return the whole numbers from 0, each with a share added by chance, (`_GLANCE`,)."""
-    return np.arange(_GLANCE) + np.random.default_rng(0).random(_GLANCE)
 
 
 def _alike(points: Float64) -> int:

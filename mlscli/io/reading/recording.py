@@ -28,7 +28,7 @@ from mlscli.io.reading.sieve import Sieve
 from mlscli.io.reading.tally import REPEATED, Tally
 from mlscli.io.reading.transform import read_transform
 from mlscli.io.reading.upright import Upright
-from mlscli.io.reading.witness import DOUBTING, FINDING, Witness
+from mlscli.io.reading.witness import Witness
 from mlscli.io.source import Clock, Cloud, Reading, Source
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Keyframe
 from mlscli.runtime.arrays import Array, Float64
@@ -188,7 +188,7 @@ class Recording:
         """
         known = self._is_republished = False
         watched = None if self._latest else Republished()
-        witness = Witness(DOUBTING) if self._objection is None else None
+        witness = Witness(finds=False) if self._objection is None else None
         for cloud in self._clouds(witness, watched):
             known |= cloud.has_position
             yield Keyframe(cloud.points, cloud.stamp, cloud.position, cloud.is_ranged)
@@ -200,8 +200,7 @@ class Recording:
 
     def _loose_route(self, trajectory: Trajectory) -> Iterator[Keyframe]:
         """Yield the poses of a trajectory as keyframes without points."""
-        for stamp, *position in trajectory.route.tolist():
-            x, y, z = position
+        for stamp, x, y, z in trajectory.route.tolist():
             yield Keyframe(_NONE, stamp, self._upright.position((x, y, z)))
 
     def _clouds(
@@ -444,7 +443,8 @@ def _find_up(recording: Recording) -> tuple[Up, str]:
     What to crop is not known yet.
     """
     selection = replace(recording._selection, crop=None)
-    whole, witness = replace(recording, _selection=selection, _cumulative=False), Witness(FINDING)
+    whole = replace(recording, _selection=selection, _cumulative=False)
+    witness = Witness(finds=True)
     for _ in whole._clouds(witness):
         pass
     return witness.find_up(recording._trajectory), witness.order_note

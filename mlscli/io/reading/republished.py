@@ -23,7 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.geometry.surroundings import chosen, fit_planes
+from mlscli.geometry.samples import spread
+from mlscli.geometry.surroundings import fit_planes
+from mlscli.io.reading.sieve import all_measured
 from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64, Int64
 
@@ -152,13 +154,13 @@ class _Sample(NamedTuple):
     def of(cls, message: int, points: Float64) -> _Sample:
         """Choose points of a message, float64 (N, 3)."""
         points = _measured(points)
-        sample = chosen(points, _POINTS)
+        sample = _some(points, _POINTS)
         axis = int(np.argmax(np.ptp(sample, axis=0))) if len(sample) else 0
         low, high = -np.inf, np.inf
         if len(points) > _SEARCHED:
             half = _SEARCHED / len(points) / 2
             low, high = np.quantile(sample[:, axis], (0.5 - half, 0.5 + half)).tolist()
-        crowd = chosen(_within(points, axis, low, high), _POINTS)
+        crowd = _some(_within(points, axis, low, high), _POINTS)
         return cls(message, sample, axis, low, high, crowd)
 
     def has_twins(self, points: Float64, *, shifted: bool) -> bool:
@@ -172,7 +174,8 @@ class _Sample(NamedTuple):
         if len(others) < 2 or not len(self.crowd):
             return False
         tree = Tree(others)
-        distances, nearest = tree.nearest(self.crowd, min(_SHIFTS, len(others)))
+        count = min(_SHIFTS if shifted else 2, len(others))
+        distances, nearest = tree.nearest(self.crowd, count)
         has_twins = _are_twins(distances)
         if has_twins or not shifted:
             return has_twins
@@ -192,7 +195,8 @@ def _are_twins(distances: Float64) -> bool:
 def _within(points: Float64, axis: int, low: float, high: float) -> Float64:
     """Return the points (N, 3) one of whose coordinates is within bounds."""
     along = points[:, axis]
-    return points[(along >= low) & (along <= high)]
+    # Rows by number, in a third of the time of a mask.
+    return points.take(np.flatnonzero((along >= low) & (along <= high)), axis=0)
 
 
 def _is_in_order(before: Float64, after: Float64) -> bool:
@@ -221,7 +225,7 @@ def _lies_elsewhere(last: Float64, samples: list[Float64]) -> bool:
     if len(last) < _FEWEST:
         return False
     tree = Tree(last)
-    low, high = np.quantile(chosen(last, 16 * _POINTS), (0.01, 0.99), axis=0)
+    low, high = np.quantile(_some(last, 16 * _POINTS), (0.01, 0.99), axis=0)
     around = _AROUND * float((high - low).max())
     # In a plane the sixteenth neighbour is twice as far as the fourth. Where points lie on lines,
     # as the sweeps of a laser do, only those farther away tell how far the lines are apart.
@@ -274,6 +278,10 @@ def _moved_together(sample: Float64, around: Float64, spacing: Float64) -> tuple
 
 
 def _measured(points: Float64) -> Float64:
-    """Return the points (N, 3) that are finite and not beyond `FARTHEST`, without -0.0."""
-    inside = (np.abs(points) <= FARTHEST).all(axis=1)
-    return (points if inside.all() else points[inside]) + 0.0
+    """Return the points (N, 3) that are finite and not beyond `FARTHEST`."""
+    return points if all_measured(points) else points[(np.abs(points) <= FARTHEST).all(axis=1)]
+
+
+def _some(points: Float64, most: int) -> Float64:
+    """Return at most so many points (M, 3) from all over a message, float64 (N, 3)."""
+    return points if len(points) <= most else points[spread(len(points), most)]

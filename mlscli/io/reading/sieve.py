@@ -96,7 +96,7 @@ class Sieve:
             The same points as recorded.
         """
         recorded = cloud.points
-        unmeasured = () if _all_measured(points) else _UNMEASURED
+        unmeasured = () if all_measured(points) else _UNMEASURED
         for reason, keeps in (*unmeasured, *self._filters):
             kept = keeps(points)
             if self._seen is not None and not kept.all():
@@ -115,7 +115,7 @@ class Sieve:
         return points[kept]
 
 
-def _all_measured(points: Float64) -> bool:
+def all_measured(points: Float64) -> bool:
     """Return whether all points are finite and near enough: the usual case, found out fast."""
     return not len(points) or bool(points.min() >= -FARTHEST and points.max() <= FARTHEST)
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mlscli.geometry.up import Up
 
 # The points that are kept to find the vertical, and to doubt the one that the user named.
-FINDING, DOUBTING = 30_000, 10_000
+_FINDING, _DOUBTING = 30_000, 10_000
 
 
 class Witness:
@@ -24,8 +24,10 @@ class Witness:
 
     Parameters
     ----------
-    size : int
-        The most points that are kept.
+    finds : bool
+        Whether to find the vertical, or else to doubt the one that the user named. What is found
+        depends neither on the order of points nor on how often each comes; a doubt may, and costs
+        a tenth.
 
     Attributes
     ----------
@@ -33,10 +35,11 @@ class Witness:
         In which order the quaternions of a trajectory are taken, where that was doubtful.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, *, finds: bool) -> None:
+        from mlscli.geometry.samples import Reservoir
         from mlscli.geometry.surroundings import PointSample
 
-        self._sample = PointSample(size)
+        self._sample = PointSample(_FINDING) if finds else Reservoir(_DOUBTING)
         self.order_note = ""
         self._positions: list[tuple[float, float, float]] = []
         self._attitudes: dict[Axes, list[tuple[float, float, float, float]]] = {}
@@ -70,8 +73,12 @@ class Witness:
     def objection(self, upright: Upright, trajectory: Trajectory | None) -> str:
         """Return what speaks against the axis by which the points are turned; empty: nothing."""
         from mlscli.geometry.objection import objection
+        from mlscli.geometry.surroundings import PointSample
 
-        points = upright.recorded(self._sample.points) + 0.0
+        # Each once, in an order by chance.
+        sample = PointSample(_DOUBTING)
+        sample.add(upright.recorded(self._sample.points))
+        points = sample.points
         return objection(upright.up, points, **self._of_craft(trajectory, points))
 
     def _of_craft(self, trajectory: Trajectory | None, points: Float64) -> dict[str, Any]:
