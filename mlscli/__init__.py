@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from mlscli.errors import MlsError
+from mlscli.maps.display import shown_by
 from mlscli.version import __version__
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.mesh import build_mesh
     from mlscli.pipeline.parameters import Parameters
+    from mlscli.plot import plot_above, plot_differences, plot_section, write_figure
     from mlscli.queries.clearance import clearance
     from mlscli.queries.explore import explore
     from mlscli.queries.levels import height_at, levels_at
@@ -60,11 +62,15 @@ __all__ = [
     "merge_maps",
     "open_recording",
     "open_replay",
+    "plot_above",
+    "plot_differences",
+    "plot_section",
     "read_map",
     "space_at",
     "to_pandas",
     "to_xarray",
     "write_cloud",
+    "write_figure",
     "write_glb",
     "write_grid_map",
     "write_layers",
@@ -77,6 +83,8 @@ __all__ = [
     "write_replay",
     "write_sdf",
 ]
+
+shown_by("mlscli.plot.inline", "html_of")
 
 _HOMES = {
     "Grid": ("mlscli.maps.grid", "Grid"),
@@ -95,6 +103,10 @@ _HOMES = {
     "merge_maps": ("mlscli.maps.merging", "merge_maps"),
     "open_recording": ("mlscli.io.reading.recording", "open_recording"),
     "open_replay": ("mlscli.view.replay", "open_replay"),
+    "plot_above": ("mlscli.plot", "plot_above"),
+    "plot_differences": ("mlscli.plot", "plot_differences"),
+    "plot_section": ("mlscli.plot", "plot_section"),
+    "write_figure": ("mlscli.plot", "write_figure"),
     "read_map": ("mlscli.io.writing.npz", "read_map"),
     "space_at": ("mlscli.maps.space", "space_at"),
     "write_cloud": ("mlscli.io.writing.clouds", "write_cloud"),

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import pytest
 
+from mlscli.version import __version__
 from tests.helpers.program import heed_interrupts
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -93,8 +94,7 @@ def test_help_lists_every_command_with_what_it_does() -> None:
 
 
 def test_the_version_is_that_of_the_project() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert mls("--version").stdout == f"mls, version {project['version']}\n"
+    assert mls("--version").stdout == f"mls, version {__version__}\n"
 
 
 @pytest.mark.parametrize(

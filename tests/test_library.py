@@ -206,6 +206,16 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "write_replay": (mlscli.write_replay, {"path": "a", "surface": SURFACE, "changes": []}),
     "open_replay": (enter(mlscli.open_replay), {"path": "a"}),
     "build_mesh": (mlscli.build_mesh, {"surface": SURFACE}),
+    "plot_above": (mlscli.plot_above, {"surface": SURFACE}),
+    "plot_section": (
+        mlscli.plot_section,
+        {"surface": SURFACE, "start": (0.2, 0.2), "end": (0.2, 0.8)},
+    ),
+    "plot_differences": (mlscli.plot_differences, {"one": SURFACE, "other": SURFACE}),
+    "write_figure": (
+        mlscli.write_figure,
+        {"path": "a.png", "figure": mlscli.plot_above(SURFACE)},
+    ),
     "levels_at": (mlscli.levels_at, {"surface": SURFACE, "xy": SCAN[:, :2]}),
     "clearance": (
         mlscli.clearance,

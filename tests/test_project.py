@@ -36,7 +36,10 @@ def pythons() -> list[str]:
 
 
 def test_one_version_is_named_everywhere() -> None:
-    assert pyproject()["project"]["version"] == __version__
+    # The package's is read from the same line when it is built.
+    assert pyproject()["project"]["dynamic"] == ["version"]
+    attribute = pyproject()["tool"]["setuptools"]["dynamic"]["version"]["attr"]
+    assert attribute == "mlscli.version.__version__"
     assert yaml.safe_load(text("CITATION.cff"))["version"] == __version__
 
 

@@ -38,5 +38,11 @@ def test_the_site_has_a_place_for_everything(tmp_path: Path) -> None:
     assert all(
         f"{s}.{name}<" in told["parameters"] for stage in stages for s in stage for name in stage[s]
     )
+    # The notebook was run: no cell failed, and what its cells show stands in the page.
+    notebook = (tmp_path / "docs/first-hour-python.html").read_text(encoding="utf-8")
+    assert 'src="data:image/png;base64,' in notebook
+    assert notebook.count('alt="What the cell shows"') == 1
+    for verdict in ("1.8 does not fit", "0.4 fits", "1.0 never seen"):
+        assert verdict in notebook
     names = [name for name in mlscli.__all__ if not name.startswith("__")]
     assert all(f'id="mlscli.{name}"' in told["python"] for name in names)

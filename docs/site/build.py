@@ -1,9 +1,9 @@
 """Make the site of the documentation: ``python -m docs.site.build [OUT]`` (./dev docs).
 
 Pages are those of docs/, the README, the benchmarks', CONTRIBUTING.md, SECURITY.md and
-CHANGELOG.md, where they are; the reference is made from the code: commands and their options,
-parameters, and the public names of the package. A warning ends it with an error, as of a link or an
-anchor that leads nowhere.
+CHANGELOG.md, where they are, and the notebook, which is run for it; the reference is made from the
+code: commands and their options, parameters, and the public names of the package. A warning ends it
+with an error, as of a link or an anchor that leads nowhere.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import click
+
+from docs.site.notebook import NOTEBOOK, page
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -28,6 +30,7 @@ From a recorded flight to a multi-level surface map and a mesh, with one command
 :maxdepth: 1
 Overview <README>
 docs/first-hour
+docs/first-hour-python
 ```
 """
 
@@ -146,6 +149,9 @@ def gather(source: Path) -> None:
                 ROOT / folder, source / folder, ignore=shutil.ignore_patterns("__pycache__", "site")
             )
     (source / "index.md").write_text(index(), encoding="utf-8")
+    (source / "docs/first-hour-python.md").write_text(
+        page(NOTEBOOK, source / "docs"), encoding="utf-8"
+    )
     reference = source / "reference"
     reference.mkdir()
     (reference / "commands.md").write_text(commands(), encoding="utf-8")

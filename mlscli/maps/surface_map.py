@@ -20,6 +20,7 @@ import numpy as np
 from mlscli.errors import InputError, expect
 from mlscli.maps.cells import CellSet, Limits
 from mlscli.maps.columns import COLUMNS, STATISTICS, UNMEASURED, bare, new_columns
+from mlscli.maps.display import html
 from mlscli.maps.free_space import FreeSpace
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import Columns, Keys, OccupiedCells, ascend, come_before, interleave, pick
@@ -341,6 +342,9 @@ class SurfaceMap:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    def _repr_html_(self) -> str | None:
+        return html(self)
 
     def check(self) -> None:
         """Check every invariant of the model.

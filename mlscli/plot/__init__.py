@@ -1,7 +1,7 @@
 """Pictures of maps: from above, cut upright, and two side by side (matplotlib).
 
-Each `plot` function returns a `matplotlib.figure.Figure`, which `write_figure` writes. Lengths are
-in the unit of the map.
+Each `plot` function returns a `matplotlib.figure.Figure`, which `write_figure` writes and notebooks
+show, or draws into `axes` that it is given. Lengths are in the unit of the map.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, expect, expect_path
 from mlscli.io.writing.atomic import atomic_write, refuse_existing
 from mlscli.plot.above import plot_above
 from mlscli.plot.differences import plot_differences
@@ -60,6 +60,10 @@ def write_figure(path: str | os.PathLike[str], figure: Figure, *, overwrite: boo
     OutputError
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
+    expect_path(path, "path", "the file to write")
+    from matplotlib.figure import Figure
+
+    expect(figure, Figure, "figure", "a figure of matplotlib (Figure)")
     kind = require_format(path)
     refuse_existing(path, overwrite=overwrite)
     with atomic_write(path, overwrite=overwrite) as stream:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from numbers import Integral
+from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, expect
 from mlscli.maps.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
 from mlscli.mesh.colours import (
     ARTIFICIAL_RED,
+    COLOURS,
     ROUTE_GREEN,
     ColourBy,
     Paint,
@@ -41,6 +44,7 @@ def plot_above(
     colour: ColourBy = "height",
     artificial: bool = True,
     title: str = "",
+    axes: Axes | None = None,
 ) -> Figure:
     """Return a picture of a map from above.
 
@@ -57,12 +61,22 @@ def plot_above(
         Whether artificial patches are shown.
     title : str
         The title above the picture.
+    axes : matplotlib.axes.Axes, optional
+        Draw there, instead of in a figure of its own.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure that it is drawn in; notebooks show it.
 
     Raises
     ------
     UsageError
         Where the map has no patches to show, or no cell has as many levels.
     """
+    expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    expect(level, (Integral, NoneType), "level", "a whole number")
+    expect_drawing(colour, title, axes)
     paint = Paint(surface, colour)
     if not artificial:
         surface = surface.take(surface.origin != ARTIFICIAL)
@@ -72,13 +86,46 @@ def plot_above(
         most = int(np.diff(surface.cells.start).max())
         raise UsageError(f"`level` {level}: no cell has as many; this map has up to {most}")
     width, length = size_of(frame)
-    figure = new_figure(width + 1.9, length + 1.3)
-    axes = figure.add_subplot()
+    figure, axes, beneath = drawing_place(axes, width + 1.9, length + 1.3)
     draw_above(axes, surface, shown, frame, paint)
     axes.set_title(title, fontsize=10, color=INK)
-    add_legend(figure, _kinds(surface, shown, paint))
+    add_legend(beneath, _kinds(surface, shown, paint))
     add_colourbar(figure, axes, paint)
     return figure
+
+
+def expect_drawing(colour: object, title: object, axes: object) -> None:
+    """Refuse what is no colouring, no title, or no axes of matplotlib; see `expect`."""
+    expect(colour, str, "colour", f"one of {', '.join(COLOURS)}")
+    expect(title, str, "title", "a text")
+    expect_axes(axes)
+
+
+def expect_axes(axes: object) -> None:
+    """Refuse what is neither axes of matplotlib nor None; see `expect`."""
+    if axes is not None:
+        from matplotlib.axes import Axes
+
+        expect(axes, Axes, "axes", "axes of matplotlib (Axes)")
+
+
+def drawing_place(
+    axes: Axes | None, width: float, length: float
+) -> tuple[Figure, Axes, Figure | Axes]:
+    """Return where to draw: the figure, the axes, and beneath what a legend goes.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes or None
+        What the caller wants it drawn in; None: in a new figure.
+    width, length : float
+        The size of a new figure, in inches.
+    """
+    if axes is None:
+        figure = new_figure(width, length)
+        return figure, figure.add_subplot(), figure
+    within: Any = axes.get_figure(root=True)
+    return within, axes, axes
 
 
 def size_of(frame: Frame) -> tuple[float, float]:
@@ -90,11 +137,12 @@ def size_of(frame: Frame) -> tuple[float, float]:
 
 def new_figure(width: float, length: float) -> Figure:
     """Return an empty figure of a size in inches, with a little padding."""
-    from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+    from mlscli.plot.picture import Picture
+
     layout = ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.1)
-    return Figure(figsize=(width, length), facecolor=PAPER, layout=layout)
+    return Picture(figsize=(width, length), facecolor=PAPER, layout=layout)
 
 
 def draw_above(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame, paint: Paint) -> None:
@@ -212,15 +260,25 @@ def round_length(most: float) -> float:
 def add_legend(place: Figure | Axes, kinds: Sequence[Artist]) -> None:
     """Add a legend beneath a picture, or a part of it, of what is to be seen there, if anything."""
     from matplotlib.axes import Axes
+    from matplotlib.transforms import ScaledTranslation
 
     beneath: dict[str, Any] = {"loc": "outside lower center"}
     if isinstance(place, Axes):
-        beneath = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.055)}
+        # Under the numbers and the words of the axis, however high the axes are.
+        points = 32 if place.get_xlabel() else 18
+        figure: Any = place.get_figure(root=True)
+        down = ScaledTranslation(0, -points / 72, figure.dpi_scale_trans)
+        beneath = {
+            "loc": "upper center",
+            "bbox_to_anchor": (0.5, 0),
+            "bbox_transform": place.transAxes + down,
+            "borderaxespad": 0,
+        }
     if kinds:
         place.legend(
             handles=list(kinds),
             **beneath,
-            ncols=5,
+            ncols=3 if isinstance(place, Axes) else 5,
             fontsize=8,
             frameon=False,
             labelcolor=INK,

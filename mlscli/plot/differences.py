@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, find_objects, label
 
+from mlscli.errors import UsageError, expect, expect_items
 from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
 from mlscli.mesh.colours import ColourBy, Paint
-from mlscli.plot.above import INK, add_colourbar, add_legend, draw_above, new_figure, size_of
+from mlscli.plot.above import (
+    INK,
+    add_colourbar,
+    add_legend,
+    draw_above,
+    expect_axes,
+    expect_drawing,
+    new_figure,
+    size_of,
+)
 from mlscli.plot.relief import Frame, frame_of, shown_patches
 from mlscli.runtime.arrays import Bool, Float64
 from mlscli.scoring.comparison import matches, require_same_cells
@@ -56,6 +67,7 @@ def plot_differences(
     colour: ColourBy = "height",
     artificial: bool = True,
     titles: tuple[str, str] = ("", ""),
+    axes: Sequence[Axes] | None = None,
 ) -> Figure:
     """Return a picture of two maps of one grid from above, and of how much they differ.
 
@@ -72,34 +84,67 @@ def plot_differences(
         As in `plot_above`.
     titles : tuple of str
         The title above each map.
+    axes : sequence of three matplotlib.axes.Axes, optional
+        Draw there, the two maps and the difference, instead of in a figure of its own.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        As of `plot_above`.
 
     Raises
     ------
     UsageError
-        Where cell size or gap size differ, or neither map has patches to show.
+        Where `axes` are not three, cell size or gap size differ, or neither map has patches.
     """
+    for name, surface in (("one", one), ("other", other)):
+        expect(surface, SurfaceMap, name, "a map (SurfaceMap)")
+    expect_items(titles, "titles", "two texts")
+    for title in titles:
+        expect_drawing(colour, title, None)
+    if axes is not None:
+        expect_items(axes, "axes", "three axes of matplotlib")
+        for each in axes:
+            expect_axes(each)
     require_same_cells(one, other)
     paint = Paint(one if one.size else other, colour)
     if not artificial:
         one, other = (each.take(each.origin != ARTIFICIAL) for each in (one, other))
     frame = frame_of(one, other)
     circles = rings(differing(one, other, frame), frame)
+    figure, parts = _three(frame) if axes is None else _given(axes)
+    for part, surface, title in zip(parts, (one, other), titles, strict=False):
+        draw_above(part, surface, shown_patches(surface, frame), frame, paint)
+        part.set_title(title, fontsize=10, color=INK)
+    _draw_differences(figure, parts[2], one, other, frame, titles)
+    if len(circles) <= MOST_RINGS:
+        for part in parts:
+            _draw_rings(part, circles)
+    said = f"{some(len(circles), 'place')} where the maps differ"
+    if axes is None:
+        figure.supxlabel(said, fontsize=9, color=RING if circles else INK)
+    else:
+        parts[2].set_xlabel(said, fontsize=9, color=RING if circles else INK)
+    add_colourbar(figure, list(parts[:2]), paint)
+    return figure
+
+
+def _three(frame: Frame) -> tuple[Figure, Sequence[Axes]]:
+    """Return a new figure with three axes, beside or above each other as fits the maps."""
     width, length = size_of(frame)
     beside = width <= 1.1 * length
     size = (2.5 * width + 2, 0.85 * length + 1) if beside else (width + 1.6, 3 * length + 1.4)
     figure = new_figure(*size)
-    parts = figure.subplots(*((1, 3) if beside else (3, 1)), sharex=True, sharey=True)
-    for axes, surface, title in zip(parts, (one, other), titles, strict=False):
-        draw_above(axes, surface, shown_patches(surface, frame), frame, paint)
-        axes.set_title(title, fontsize=10, color=INK)
-    _draw_differences(figure, parts[2], one, other, frame, titles)
-    if len(circles) <= MOST_RINGS:
-        for axes in parts:
-            _draw_rings(axes, circles)
-    said = f"{some(len(circles), 'place')} where the maps differ"
-    figure.supxlabel(said, fontsize=9, color=RING if circles else INK)
-    add_colourbar(figure, list(parts[:2]), paint)
-    return figure
+    return figure, figure.subplots(*((1, 3) if beside else (3, 1)), sharex=True, sharey=True)
+
+
+def _given(axes: Sequence[Axes]) -> tuple[Figure, Sequence[Axes]]:
+    if len(axes) != 3:
+        raise UsageError(
+            f"`axes`: {len(axes)} are given; expected 3, two maps and their difference"
+        )
+    figure: Any = axes[0].get_figure(root=True)
+    return figure, axes
 
 
 def _draw_rings(axes: Axes, circles: list[Ring]) -> None:

@@ -7,10 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mlscli.errors import UsageError
+from mlscli.errors import UsageError, expect
 from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
 from mlscli.mesh.colours import ARTIFICIAL_RED, ROUTE_GREEN, ColourBy, Paint, origin_colours
-from mlscli.plot.above import INK, add_colourbar, add_legend, as_colour, new_figure, route_of
+from mlscli.plot.above import (
+    INK,
+    add_colourbar,
+    add_legend,
+    as_colour,
+    drawing_place,
+    expect_drawing,
+    route_of,
+)
 from mlscli.plot.cut import (
     Cut,
     Spaces,
@@ -51,6 +59,7 @@ def plot_section(
     colour: ColourBy = "height",
     artificial: bool = True,
     title: str = "",
+    axes: Axes | None = None,
 ) -> Figure:
     """Return a picture of a map cut upright along a line.
 
@@ -66,14 +75,23 @@ def plot_section(
         The map.
     start, end : tuple of float
         x and y of the line's ends, in the unit of the map.
-    colour, artificial, title
+    colour, artificial, title, axes
         As in `plot_above`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        As of `plot_above`.
 
     Raises
     ------
     UsageError
         As `cut`, and where the line meets no patch.
     """
+    expect(surface, SurfaceMap, "surface", "a map (SurfaceMap)")
+    for name, place in (("start", start), ("end", end)):
+        expect(place, (tuple, list, np.ndarray), name, "x and y of an end of the line")
+    expect_drawing(colour, title, axes)
     paint = Paint(surface, colour)
     if not artificial:
         surface = surface.take(surface.origin != ARTIFICIAL)
@@ -86,8 +104,7 @@ def plot_section(
     # One scale for both axes, unless the drawing would be too flat.
     exaggerated = (high - low + 2 * margin) / length < 0.12
     tall = 3.2 if exaggerated else min(8.5 * (high - low + 2 * margin) / length, 5.0)
-    figure = new_figure(9.6, max(tall, 1.2) + 1.2)
-    axes = figure.add_subplot()
+    figure, axes, beneath = drawing_place(axes, 9.6, max(tall, 1.2) + 1.2)
     axes.set_ylim(low - margin, high + margin)
     axes.set_xlim(0, length)
     axes.set_aspect("auto" if exaggerated else "equal")
@@ -107,7 +124,7 @@ def plot_section(
     axes.tick_params(labelsize=8, colors=INK, length=3)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    add_legend(figure, drawn)
+    add_legend(beneath, drawn)
     if colour != "height":
         add_colourbar(figure, axes, paint)
     return figure
