@@ -54,13 +54,13 @@ class ConfigError(UsageError):
 
 # Arguments that are options of a command, under the same name with dashes; and those under others.
 _ARGUMENTS = (
-    *("add_param", "columns", "crop", "crs", "cumulative", "end", "every", "extrinsic", "features"),
-    *("field_of_view", "filled", "flying_height", "frame", "free_space", "grid", "headroom"),
-    *("holes", "jobs", "latest", "legs", "level", "max_slope", "memory", "origin", "outliers"),
-    *("overwrite", "pose_gap", "pose_topic", "range", "reference", "route", "route_height"),
-    *("salt_pepper", "scene", "scheduler", "scratch", "section", "seed", "seeds", "sigma"),
-    *("scale", "size", "sizes", "slope", "start", "step", "survey", "time_source", "topic"),
-    *("transform", "up", "within"),
+    *("add_param", "columns", "crop", "crs", "crs_offset", "cumulative", "end", "every"),
+    *("extrinsic", "features", "field_of_view", "filled", "flying_height", "frame", "free_space"),
+    *("grid", "headroom", "holes", "jobs", "latest", "legs", "level", "max_slope", "memory"),
+    *("origin", "outliers", "overwrite", "pose_gap", "pose_topic", "range", "reference", "route"),
+    *("route_height", "salt_pepper", "scene", "scheduler", "scratch", "section", "seed", "seeds"),
+    *("sigma", "scale", "size", "sizes", "slope", "start", "step", "survey", "time_source"),
+    *("topic", "transform", "up", "within"),
 )
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}
 OPTIONS |= {"kind": "--format", "most": "--views", "sets": "--set", "type_": "--type"}

@@ -43,6 +43,7 @@ CHAPTERS = {
         "docs/octomap",
         "docs/pointclouds",
         "docs/layers",
+        "docs/georeference",
         "docs/gazebo",
         "docs/scenes",
         "docs/flights",

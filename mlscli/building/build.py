@@ -92,6 +92,7 @@ def build(
         with connected(scheduler) as cluster:
             return build(source, parameters, progress, follow, jobs, cluster)
     recording = _opened(source)
+    georeference = recording.georeference
     reading = Report()
     held: Iterator[Keyframe] | None = None
     if parameters.lacks_sizes or parameters.lacks_noise:
@@ -108,6 +109,7 @@ def build(
         sources=recording.sources,
         reading=recording.options,
         turn=recording.map_from_recording,
+        georeference=georeference,
         progress=progress,
         follow=follow,
         jobs=jobs,

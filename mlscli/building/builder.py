@@ -22,6 +22,7 @@ from mlscli.keyframes.keyframe import Keyframe, require_points
 from mlscli.maps.cells import CellSet
 from mlscli.maps.change import Change, points_in
 from mlscli.maps.free_space import FreeSpace
+from mlscli.maps.georeference import GEOREFERENCE, Georeference
 from mlscli.maps.recorded import TURN
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.growing import ConsistentMap, GrowingMap, SequentialMap
@@ -59,6 +60,8 @@ class MapBuilder:
         The options with which they were read, for the map's meta.
     turn : float64 (4, 4), optional
         The turn by which points as recorded came into the map frame, for the map's meta.
+    georeference : Georeference, optional
+        Where the frame of the recording lies on Earth, for the map's meta.
     progress : callable, optional
         As for `build`.
     follow : callable, optional
@@ -98,6 +101,7 @@ class MapBuilder:
         sources: Sequence[str] = (),
         reading: Mapping[str, Any] | None = None,
         turn: Float64 | None = None,
+        georeference: Georeference | None = None,
         progress: Progress | None = None,
         follow: Follower | None = None,
         jobs: int | None = None,
@@ -108,6 +112,7 @@ class MapBuilder:
         expect_items(sources, "sources", "a list of texts")
         expect(reading, (Mapping, NoneType), "reading", "a mapping of options")
         expect(turn, (np.ndarray, NoneType), "turn", "an array (4, 4)")
+        expect(georeference, (Georeference, NoneType), "georeference", "a Georeference")
         expect(progress, (Callable, NoneType), "progress", "a function")
         expect(follow, (Callable, NoneType), "follow", "a function")
         followed = "" if follow is None else "`follow`"
@@ -117,6 +122,7 @@ class MapBuilder:
         self._sources = list(sources)
         self._reading = dict(reading or {})
         self._turn = np.eye(4) if turn is None else turn
+        self._georeference = georeference
         self._progress = progress
         self._follow = follow
         self._workers: Workers | None = cluster or (None if jobs is None else Threads(jobs))
@@ -257,7 +263,7 @@ class MapBuilder:
         """Return the map with its route and meta."""
         meta = map_meta(
             self.parameters, self.report, self._sources, self._reading, self._turn,
-            self._gatherer.keyframes, points_in(surface),
+            self._gatherer.keyframes, points_in(surface), self._georeference,
         )  # fmt: skip
         counts = self._counts if self._growing is None else self._growing.line_counts()
         free = free_space(counts, self.report)
@@ -300,6 +306,7 @@ def map_meta(
     turn: Float64,
     keyframes: int,
     kept: int,
+    georeference: Georeference | None = None,
 ) -> dict[str, Any]:
     """Return the meta of a map, how it was made, ready for JSON.
 
@@ -317,12 +324,16 @@ def map_meta(
         Rows of the route.
     kept : int
         Measured points in the map.
+    georeference : Georeference, optional
+        Where the frame of the recording lies on Earth.
     """
+    place = {} if georeference is None else {GEOREFERENCE: georeference.to_dict()}
     return {
         "program": f"mls {__version__}",
         "sources": list(sources),
         "reading": dict(reading),
         TURN: turn.tolist(),
+        **place,
         "parameters": to_dict(parameters),
         "sizes": dict(report.sizes),
         "points": {

@@ -229,6 +229,7 @@ class _LargeMapBuilder:
         meta = map_meta(
             self._parameters, self.report, self._recording.sources, self._recording.options,
             self._recording.map_from_recording, self._gatherer.keyframes, kept,
+            self._recording.georeference,
         )  # fmt: skip
         return replace(surface, route=self._gatherer.route.copy(), meta=meta, free=free)
 

@@ -76,6 +76,7 @@ def command(
     from mlscli.aligning.moving import moved_map
     from mlscli.io.reading.transform import onto
     from mlscli.io.writing.npz import read_map, write_map
+    from mlscli.maps.georeference import GEOREFERENCE
     from mlscli.maps.recorded import TURN
 
     first, second = read_map(one), read_map(other)
@@ -90,7 +91,9 @@ def command(
             else:
                 moved = moved_map(second, found.fit, first.grid)
                 reading = second.meta.get("reading", {}) | {"transform": transform}
-                moved.meta.update({"reading": reading, TURN: transform[TURN]})
+                moved.meta.pop(GEOREFERENCE, None)
+                held = {name: transform[name] for name in (TURN, GEOREFERENCE) if name in transform}
+                moved.meta.update({"reading": reading} | held)
                 write_map(output, moved, overwrite=overwrite)
     except (InputError, UsageError) as error:
         raise type(error)(f"{other} onto {one}: {error}") from None

@@ -24,7 +24,7 @@ from mlscli.commands.options import (
 )
 from mlscli.commands.piped import STANDARD_INPUT, piped
 from mlscli.commands.progress import ProgressBar
-from mlscli.commands.reading import FormatsInHelp, files_named, reading
+from mlscli.commands.reading import FormatsInHelp, files_named, georeferenced, reading
 from mlscli.errors import UsageError
 from mlscli.words import some
 
@@ -105,6 +105,7 @@ _NO_MAPS = (
 )
 @configured
 @reading
+@georeferenced
 @overwrite
 @as_json
 def command(

@@ -88,7 +88,8 @@ from mlscli.errors import UsageError
 @click.option(
     "--crs",
     metavar="CRS",
-    help="Of geotiff: the reference system of the map frame, as EPSG:32632.",
+    help="Of geotiff, netcdf and las: the reference system of the map frame, as EPSG:32632, where "
+    "the map does not know it.",
 )
 @overwrite
 @as_json

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mlscli.words import some
 
 if TYPE_CHECKING:
+    from mlscli.maps.georeference import Georeference
     from mlscli.maps.surface_map import SurfaceMap
 
 NOT_SEEN = (
@@ -198,7 +199,9 @@ def _grid_map(order: Order) -> Written:
 
 
 def _layers(order: Order) -> Written:
+    from mlscli.io.crs import NO_PYPROJ, wkt_of
     from mlscli.io.writing.raster import write_layers
+    from mlscli.maps.georeference import georeference_of, map_georeference
 
     options = order.options
     written = write_layers(
@@ -208,13 +211,34 @@ def _layers(order: Order) -> Written:
         crs=options["crs"],
         overwrite=order.overwrite,
     )
+    place = map_georeference(order.surface.meta, options["crs"])
     size, names = written.extent, list(written.layers)
     line = f"{order.target}: {size.width:,} x {size.height:,} cells, layers {', '.join(names)}"
     told = {"columns": size.width, "rows": size.height, "layers": names}
     notes = []
-    if options["kind"] == "geotiff" and options["crs"] is None:
-        notes.append("the GeoTIFF names no reference system; `crs` says which, as EPSG:32632")
+    if options["kind"] != "npz":
+        told["georeference"] = None if place is None else place.to_dict()
+        if options["kind"] == "geotiff" or georeference_of(order.surface.meta) is not None:
+            notes += _unplaced(order.surface, place)
+        if place is not None:
+            line = f"{line}; {place}"
+        if options["kind"] == "netcdf" and place is not None and wkt_of(place.crs) is None:
+            notes.append(f"the file holds the code {place.crs} alone: its text {NO_PYPROJ}")
     return Written([line], told, notes)
+
+
+def _unplaced(surface: SurfaceMap, place: Georeference | None) -> list[str]:
+    """Return why a file does not say where it lies on Earth, if it does not."""
+    if place is not None:
+        return []
+    from mlscli.maps.georeference import georeference_of
+
+    known = georeference_of(surface.meta)
+    if known is None:
+        return ["the file names no reference system; `crs` says which, as EPSG:32632"]
+    return [
+        f"the file names no reference system: the map was turned out of {known} so that z is up"
+    ]
 
 
 def _sdf(order: Order) -> Written:
@@ -244,7 +268,9 @@ def _refuse_world(target: Path, options: dict[str, Any]) -> None:
 
 
 def _cloud(order: Order) -> Written:
-    from mlscli.io.writing.clouds import write_cloud
+    from mlscli.io.crs import NO_PYPROJ
+    from mlscli.io.writing.clouds import place_of_points, write_cloud
+    from mlscli.maps.georeference import georeference_of
 
     options = order.options
     points, off = write_cloud(
@@ -254,12 +280,23 @@ def _cloud(order: Order) -> Written:
         filled=options["filled"],
         artificial=not options["no_artificial"],
         as_recorded=options["as_recorded"],
+        crs=options["crs"],
         overwrite=order.overwrite,
     )
     notes = []
     if off > order.surface.cell_size / 100:
         why = "PCL's points are float32" if options["kind"] == "pcd" else "they span so much"
         notes.append(f"coordinates are rounded by up to {off:.3g}: {why}")
+    known = georeference_of(order.surface.meta)
+    if options["kind"] == "las" and (known is not None or options["crs"] is not None):
+        as_recorded = options["as_recorded"]
+        place, wkt = place_of_points(order.surface, options["crs"], as_recorded=as_recorded)
+        if place is not None and wkt is None:
+            notes.append(f"the file does not say that it lies in {place}, which {NO_PYPROJ}")
+        elif place is None and as_recorded:
+            notes.append(f"as recorded, points are not in {known}, to which an offset leads")
+        elif place is None:
+            notes += _unplaced(order.surface, place)
     return _counted(order, {"points": points}, notes)
 
 
@@ -275,10 +312,10 @@ FORMATS = {
         (".sdf", ".world"), ("max_slope", "colour", "no_artificial"), _sdf, _refuse_world
     ),
     "npz": Format((".layers.npz", ".npz"), (), _layers, _refuse_file),
-    "netcdf": Format((".nc",), (), _layers, _refuse_file),
+    "netcdf": Format((".nc",), ("crs",), _layers, _refuse_file),
     "geotiff": Format((".tif", ".tiff"), ("crs",), _layers, _refuse_file),
     "pcd": Format((".pcd",), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file),
     "las": Format(
-        (".las", ".laz"), ("filled", "no_artificial", "as_recorded"), _cloud, _refuse_file
+        (".las", ".laz"), ("filled", "no_artificial", "as_recorded", "crs"), _cloud, _refuse_file
     ),
 }

@@ -79,9 +79,10 @@ def _of_map(path: str, surface: SurfaceMap) -> dict[str, Any]:
 
     try:
         upwards = up.describe(turn_of(surface.meta)[2, :3])
+        description = describe(surface)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    result = {"file": path, "kind": "map", **describe(surface), "up": upwards}
+    result = {"file": path, "kind": "map", **description, "up": upwards}
     return result | {"meta": surface.meta}
 
 
@@ -115,7 +116,9 @@ def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
         description = describe(build(recording, Parameters(pipeline=())).surface)
     except InputError as error:
         # Few points have an extent, but no size of cells can be found for them.
-        description = {"cell_size": None, "levels": {}}
+        place = recording.georeference
+        told = None if place is None else place.to_dict() | {"name": place.name, "of": "recording"}
+        description = {"cell_size": None, "levels": {}, "georeference": told}
         notes.append(f"levels cannot be told: {with_options(str(error))}")
     return {
         "points": recording.tally.points_read,
@@ -129,6 +132,7 @@ def _of_cloud(path: str, columns: str | None, up: str) -> dict[str, Any]:
         "cell_size": description["cell_size"],
         "levels": description["levels"],
         "up": recording.up,
+        "georeference": description["georeference"],
         "notes": notes,
         "lost": recording.losses,
     }
@@ -155,6 +159,7 @@ def _text(result: dict[str, Any]) -> str:
         ("route", _route(result)),
         ("extent", report.bounds(result["extent"])),
         ("levels", _levels(result)),
+        ("on Earth", report.georeference(result["georeference"])),
         *_remarks(result),
     ]
     return f"{head}\n{report.lines(rows)}"

@@ -156,6 +156,27 @@ def reading(command: Command) -> Command:
     return command
 
 
+def georeferenced(command: Command) -> Command:
+    """Add the options of `mlscli.open_recording` that say where on Earth a recording lies."""
+    options = (
+        click.option(
+            "--crs",
+            metavar="CRS",
+            help="The reference system on Earth that the recording's coordinates are in, as "
+            "EPSG:32632, or its text (WKT); by default as LAS, OpenSfM or an aligned COLMAP model "
+            "say themselves.",
+        ),
+        click.option(
+            "--crs-offset",
+            type=Numbers("X,Y,Z"),
+            help="What must be added to the recording's coordinates to come into --crs.",
+        ),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
 def files_named(selection: Mapping[str, Any]) -> list[str]:
     """Return the files that options of `reading` name, which are never replaced."""
     return [selection[name] for name in ("route", "transform") if selection[name] is not None]

@@ -102,7 +102,19 @@ def map_rows(
         ("free space", _free_space(description["free_space"])),
         ("regions", f"{description['regions']:,}" if description["regions"] else ""),
         ("frame", description["frame_id"]),
+        ("on Earth", georeference(description["georeference"])),
     ]
+
+
+def georeference(told: Mapping[str, Any] | None) -> str:
+    """Return where a map lies on Earth as one line; empty where nobody knows."""
+    if told is None:
+        return ""
+    from mlscli.maps.georeference import Georeference
+
+    place = Georeference(told["crs"], tuple(told["offset"]), told["source"])
+    turned = told["of"] != "map"
+    return f"{place}{'; of the recording, from which the map was turned' if turned else ''}"
 
 
 def _uncertainty(told: Mapping[str, Any]) -> str:

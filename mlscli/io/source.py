@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Axes
+from mlscli.maps.georeference import Georeference
 from mlscli.runtime.arrays import Array, Float64, Int64
 
 UNKNOWN_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
@@ -214,6 +215,10 @@ class Source(Protocol):
     @property
     def losses(self) -> Sequence[str]:
         """What the last pass could not read."""
+
+    @property
+    def georeference(self) -> Georeference | None:
+        """Where on Earth its frame lies, if it says so."""
 
     def topics(self) -> Sequence[Topic]:
         """Return the topics; none in formats without topics."""

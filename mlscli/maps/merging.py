@@ -17,6 +17,7 @@ import numpy as np
 
 from mlscli.errors import UsageError, expect, expect_items
 from mlscli.maps.cells import pack
+from mlscli.maps.georeference import GEOREFERENCE, of_both
 from mlscli.maps.grid import Grid
 from mlscli.maps.order import comes_later
 from mlscli.maps.patches import begins_group, distance, shape_of, within_gap
@@ -53,11 +54,11 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     TypeError
         Where an argument is not a map.
     UsageError
-        Where cell size, gap size or thickness differ, the frames have different names, or the
+        Where cell size, gap size or thickness differ, the frames have different names, the
         turns by which the recordings came into them (`mlscli.maps.recorded`) differ by more than a
-        rounding.
+        rounding, or they lie in different places on Earth (`mlscli.maps.georeference`).
     InputError
-        Where the meta of a map holds no turn in this place.
+        Where the meta of a map holds no turn or georeference in this place.
     """
     expect(one, SurfaceMap, "one", "a map (SurfaceMap)")
     expect(other, SurfaceMap, "other", "a map (SurfaceMap)")
@@ -118,6 +119,8 @@ def _meta_of_both(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str,
     """Return the meta of two flights as that of one."""
     # The turns are known to agree but for a rounding.
     both = {name: value for name, value in one.items() if name == TURN or other.get(name) == value}
+    place = of_both(one, other)
+    both |= {} if place is None else {GEOREFERENCE: place.to_dict()}
     for name in ("sources", "points", "keyframes", "batches"):
         together = _together(one.get(name), other.get(name))
         both |= {} if together is None else {name: together}

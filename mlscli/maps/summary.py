@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from mlscli.maps.free_space import FreeSpace
+from mlscli.maps.georeference import georeference_of, is_turned
 from mlscli.maps.stored_map import StoredMap, parts_of
 from mlscli.maps.surface_map import ORIGINS, SurfaceMap
 
@@ -29,8 +31,10 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         cells, in the square of the unit; ``regions``: the greatest region number plus 1;
         ``keyframes``: rows of the route; ``free_space``: how many ``voxels`` were seen through,
         how many of them ``twice`` or more, and the ``volume`` of all in the cube of the unit, None
-        where the map does not say; and the map's ``cell_size``, ``gap_size``, ``thickness`` and
-        ``frame_id``.
+        where the map does not say; ``georeference``: ``crs``, ``offset`` and ``source`` (see
+        `Georeference`), ``name`` and ``of``, the frame that it is of, ``map`` or ``recording``, if
+        the map was turned, None where not known; and the map's ``cell_size``, ``gap_size``,
+        ``thickness`` and ``frame_id``.
     """
     grid = surface.grid
     counted = dict.fromkeys(("total", *ORIGINS, "vertical", "moved"), 0)
@@ -62,8 +66,17 @@ def describe(surface: SurfaceMap | StoredMap) -> dict[str, Any]:
         "thickness": grid.thickness,
         "frame_id": grid.frame_id,
         "keyframes": len(surface.route),
+        "georeference": _placed(surface.meta),
         "free_space": None if surface.free is None else _seen_through(surface.free, grid.cell_size),
     }
+
+
+def _placed(meta: Mapping[str, Any]) -> dict[str, Any] | None:
+    found = georeference_of(meta)
+    if found is None:
+        return None
+    frame = "recording" if is_turned(meta) else "map"
+    return found.to_dict() | {"name": found.name, "of": frame}
 
 
 class _Uncertainty:

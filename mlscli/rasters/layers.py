@@ -28,6 +28,9 @@ A cell without a patch is NaN in all of them, but 0 in ``levels`` and ``count``.
 where nothing is above; variance and uncertainty where they are not known.
 """
 
+HEIGHTS = ("ground", "top")
+"""Those that are heights in the frame of the map."""
+
 
 class Layers(NamedTuple):
     """The layers of a map.

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
+from mlscli.io.clouds.colmapreference import georeference_of
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.rows import short
 from mlscli.io.clouds.structures import Member, bytes_of, gather, read_structures
@@ -64,9 +65,12 @@ class ColmapModel(PointFile):
         images.sort()
         ranks = {image.id: rank for rank, image in enumerate(images)}
         points, first, losses = (_binary_points if binary else _text_points)(file, ranks)
-        return by_camera(
+        content = by_camera(
             self.path, points, first, [image.camera for image in images], [*lost, *losses]
         )
+        cameras = {image.name: image.camera.position for image in images}
+        georeference, notes = georeference_of(file.parent, cameras)
+        return content._replace(notes=[*content.notes, *notes], georeference=georeference)
 
     def _points_file(self) -> Path:
         """Return the file of points; in a folder the binary one, if there is one, as in COLMAP."""

@@ -18,6 +18,7 @@ import lazrs
 import numpy as np
 
 from mlscli.errors import InputError, one_line
+from mlscli.io.clouds.lascrs import georeference_of
 from mlscli.io.clouds.laz import (
     check_packing,
     invented_points,
@@ -99,6 +100,8 @@ class LasCloud(PointFile):
                     f"{are(doubtful)} damaged: some lie outside the bounds that the header states"
                 )
         notes += [f"{self.path}: {found.note}"] if found.note else []
+        georeference, more = georeference_of(self.path, header)
+        notes += more
         whole = bool(kept.all())
         return Content(
             by_keyframe(
@@ -107,6 +110,7 @@ class LasCloud(PointFile):
             ),
             notes,
             losses,
+            georeference=georeference,
         )
 
     def _header(self) -> tuple[laspy.LasHeader, bool, list[str]]:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
+from mlscli.io.clouds.opensfmreference import georeference_of
 from mlscli.io.clouds.pointfile import Content, PointFile
 from mlscli.io.files import open_text_input, read_input
 from mlscli.io.source import Cloud
@@ -33,12 +34,16 @@ class OpenSfmReconstruction(PointFile):
     kind = "OpenSfM reconstruction"
 
     def _read(self) -> Content:
-        shots, points, notes = self._document()
+        taken, notes = self._document()
+        shots, points = taken["shots"], taken["points"]
+        georeference, doubts = georeference_of(self.path, taken)
+        notes += doubts
         tracks = self.path.with_name("tracks.csv")
         xyz = np.array(list(map(self._coordinates, points, points.values()))).reshape(-1, 3)
         if not tracks.exists():
             note = f"{self.path}: no tracks.csv beside it: all points are one keyframe, and there "
-            return Content([Cloud(xyz)], [*notes, f"{note}is no route"])
+            notes.append(f"{note}is no route")
+            return Content([Cloud(xyz)], notes, georeference=georeference)
         cameras = {name: _camera(shot) for name, shot in shots.items()}
         order = sorted(cameras, key=lambda name: (_time(cameras[name]), name))
         first, losses = self._first_shots(tracks, {name: k for k, name in enumerate(order)})
@@ -49,10 +54,11 @@ class OpenSfmReconstruction(PointFile):
             [cameras[name] for name in order],
             losses,
         )
-        return content._replace(notes=[*notes, *content.notes])
+        notes += content.notes
+        return content._replace(notes=notes, georeference=georeference)
 
-    def _document(self) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
-        """Return shots and points of the largest reconstruction, and a note if there are several.
+    def _document(self) -> tuple[dict[str, Any], list[str]]:
+        """Return the largest reconstruction, and a note if there are several.
 
         Raises
         ------
@@ -84,7 +90,7 @@ class OpenSfmReconstruction(PointFile):
                 f"taken is the one with most shots, {len(largest['shots'])}, and "
                 f"{some(len(largest['points']), 'point')}"
             )
-        return largest["shots"], largest["points"], notes
+        return largest, notes
 
     def _coordinates(self, name: str, point: Any) -> list[float]:
         try:

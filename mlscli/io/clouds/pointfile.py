@@ -26,6 +26,7 @@ from mlscli.io.source import (
     side_by_side,
 )
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION
+from mlscli.maps.georeference import Georeference
 from mlscli.runtime.arrays import Array, Float64
 from mlscli.words import are, some
 
@@ -46,12 +47,15 @@ class Content(NamedTuple):
         What could not be read.
     stamps : float64 (N,)
         All times in seconds, in any order; NaN where not known.
+    georeference : Georeference or None
+        Where on Earth its frame lies, if it says so.
     """
 
     clouds: Sequence[Cloud]
     notes: Sequence[str] = ()
     losses: Sequence[str] = ()
     stamps: Float64 = np.empty(0)
+    georeference: Georeference | None = None
 
 
 class PointFile(ABC):
@@ -96,6 +100,11 @@ class PointFile(ABC):
     def expected_keyframes(self) -> int:
         """How many keyframes it holds."""
         return len(self._content.clouds)
+
+    @property
+    def georeference(self) -> Georeference | None:
+        """Where on Earth its frame lies, if it says so."""
+        return self._content.georeference
 
     def frames(self) -> Iterator[str]:
         """Yield nothing: such files state no frames."""

@@ -79,6 +79,10 @@ class TopicSource:
         """The name of the topic of the clouds."""
         return self._topic.name
 
+    @property
+    def georeference(self) -> None:
+        """Nothing: messages of clouds do not say where on Earth they lie."""
+
     def frames(self) -> Iterator[str]:
         """Read the frames of the clouds in order; a message is decoded if it does not begin so."""
         topic = self._topic

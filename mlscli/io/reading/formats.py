@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from mlscli.errors import InputError
+import numpy as np
+
+from mlscli.errors import InputError, expect
+from mlscli.io.clouds.pointarray import PointArray
 from mlscli.io.containers.ros2metadata import STORAGE
 from mlscli.io.files import open_input
 from mlscli.io.ros import METADATA_FILE
 from mlscli.io.source import Reading, Source
+from mlscli.runtime.arrays import Array
 from mlscli.runtime.notices import detail
 
 _HEAD = 1 << 16
@@ -53,6 +58,15 @@ def open_source(path: Path, reading: Reading | None = None) -> Source:
         raise InputError(f"{path}: {found}; can be read: {readable()}")
     detail(f"{path}: is read as {format_.name}")
     return format_.open(path, reading or Reading())
+
+
+def open_one(source: str | os.PathLike[str] | Array, reading: Reading) -> Source:
+    """Open a file or folder, see `open_source`, or points as an array (N, 3)."""
+    expected = "the path of a recording, or points as an array (N, 3)"
+    expect(source, (str, os.PathLike, np.ndarray), "sources", expected)
+    if isinstance(source, np.ndarray):
+        return PointArray(source)
+    return open_source(Path(source), reading)
 
 
 def readable() -> str:

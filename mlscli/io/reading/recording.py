@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlscli.errors import InputError, UsageError, expect, expect_path
-from mlscli.io.clouds.pointarray import PointArray
 from mlscli.io.clouds.trajectory import Trajectory, read_trajectory
-from mlscli.io.reading.formats import open_source
+from mlscli.io.reading.emptiness import TIMELESS, Pass, why_empty
+from mlscli.io.reading.formats import open_one
 from mlscli.io.reading.frames import Mounting, listed
+from mlscli.io.reading.georeference import asked_georeference, common_georeference
 from mlscli.io.reading.glance import Glance
 from mlscli.io.reading.history import Moment
 from mlscli.io.reading.options import AUTO, check_applies, check_latest, check_types, check_values
@@ -31,15 +32,13 @@ from mlscli.io.reading.upright import Upright
 from mlscli.io.reading.witness import Witness
 from mlscli.io.source import Clock, Cloud, Reading, Source
 from mlscli.keyframes.keyframe import UNKNOWN_POSITION, Keyframe
+from mlscli.maps.georeference import Georeference
 from mlscli.runtime.arrays import Array, Float64
 
 if TYPE_CHECKING:
     from mlscli.geometry.up import Up
 
 _NONE = np.empty((0, 3))
-_TIMELESS = (
-    "the time in the headers of all clouds is 0; `time_source` log takes the times of recording"
-)
 
 
 @dataclass(eq=False)
@@ -69,6 +68,7 @@ class Recording:
     options: dict[str, Any] = field(default_factory=dict)
     tally: Tally = field(default_factory=Tally)
     _glance: Glance | None = None
+    _georeference: Georeference | None = None
     # What the last pass has found.
     _messages: int = 0
     _is_republished: bool = False
@@ -97,6 +97,22 @@ class Recording:
         return self._upright.matrix if then is None else then.turn
 
     @property
+    def georeference(self) -> Georeference | None:
+        """Where on Earth the frame of the recording lies; None where nothing tells.
+
+        With a `transform`, where that of the recording lies onto whose map it leads.
+
+        Raises
+        ------
+        InputError
+            Sources say different things.
+        """
+        then = self._upright.then
+        if then is not None and self._georeference is None:
+            return then.georeference
+        return self._georeference or common_georeference(self._sources)
+
+    @property
     def sources(self) -> list[str]:
         """The files and folders, in the order they are read."""
         return [str(source.path) for source in self._sources]
@@ -113,7 +129,7 @@ class Recording:
         notes += [*self._placing.notes, *self._notes, *self._repeats()]
         notes += self.tally.notes()
         if self._is_timeless:
-            notes.append(_TIMELESS)
+            notes.append(TIMELESS)
         elif doubt := self._placing.clock_note(self.tally):
             notes.append(doubt)
         if self._objection is None and self._witness is not None:
@@ -242,7 +258,9 @@ class Recording:
                 position = self._upright.position(placed.position)
             yield Cloud(points, placed.stamp, position, placed.frame_id, is_ranged=placed.is_ranged)
         if tally.points_read == sum(tally.dropped.values()) and not self._is_part:
-            raise InputError(self._emptiness())
+            by_header = "time_source" not in self.options
+            ended = Pass(self._messages, self._is_timeless, self._selection.by_time, by_header)
+            raise InputError(why_empty(self.sources, tally, self.losses, ended))
 
     @property
     def _is_part(self) -> bool:
@@ -264,31 +282,6 @@ class Recording:
         has_headers = by_header and any(source.topics() for source in self._sources)
         return has_headers and self.tally.came > 1 and self.tally.stampless == self.tally.came
 
-    def _out_of_reach(self) -> str:
-        """Return what helps where no cloud has a transform at its time."""
-        clock = "header" if "time_source" in self.options else "log"
-        return (
-            f"the clouds begin at {self.tally.began:.3f} s, where transforms and poses do not "
-            f"reach; `time_source` {clock} takes other times, `frame` says which frame stands still"
-        )
-
-    def _emptiness(self) -> str:
-        """Return why a pass has yielded no points."""
-        tally, sources = self.tally, ", ".join(self.sources)
-        losses = "".join(f"; {loss}" for loss in self.losses)
-        if self._is_timeless and (tally.unplaced or not tally.keyframes):
-            losses = f"; {_TIMELESS}{losses}"
-        elif tally.unplaced == tally.keyframes > 0:
-            losses = f"; {self._out_of_reach()}{losses}"
-        if self._messages and not self.losses:
-            losses = f"{losses}; it is the last message of {self._messages:,}, `end` takes others"
-        if not tally.keyframes:
-            where = " between `start` and `end`" if self._selection.by_time else ""
-            return f"{sources}: holds no keyframes{where}{losses}"
-        reasons = ", ".join(f"{count:,} {reason}" for reason, count in tally.dropped.items())
-        dropped = f" to map: all {tally.points_read:,} were dropped, {reasons}" if reasons else ""
-        return f"{sources}: holds no points{dropped}{losses}"
-
 
 def open_recording(
     *sources: str | os.PathLike[str] | Array,
@@ -308,6 +301,8 @@ def open_recording(
     pose_gap: float | None = None,
     route: str | os.PathLike[str] | None = None,
     transform: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    crs: str | None = None,
+    crs_offset: Sequence[float] | None = None,
     glance: Glance | None = None,
 ) -> Recording:
     """Open one or more sources as one recording.
@@ -348,6 +343,11 @@ def open_recording(
     transform : path or mapping, optional
         How to come onto a map of another frame, once z points up: the JSON file that ``mls align``
         writes, or what it holds. The frame of that map is then the map frame.
+    crs : str, optional
+        The reference system on Earth that coordinates as recorded are in: an EPSG code, as
+        ``EPSG:32632``, or WKT. By default what the sources say of themselves.
+    crs_offset : three floats, optional
+        What must be added to x, y, z as recorded to come into it.
     glance : Glance, optional
         The limits up to which to read, where the beginning of the recording is enough.
 
@@ -365,10 +365,11 @@ def open_recording(
         A source is missing, broken, of no known format, or cannot come into the map frame.
     """
     check_types(
-        texts={"topic": topic, "columns": columns, "frame": frame, "pose_topic": pose_topic},
+        texts={"topic": topic, "columns": columns, "frame": frame, "pose_topic": pose_topic}
+        | {"crs": crs},
         named={"up": up, "time_source": time_source},
         times={"start": start, "end": end, "pose_gap": pose_gap},
-        numbers={"crop": crop, "extrinsic": extrinsic},
+        numbers={"crop": crop, "extrinsic": extrinsic, "crs_offset": crs_offset},
     )
     expect(every, Integral, "every", "a whole number")
     if route is not None:
@@ -379,7 +380,7 @@ def open_recording(
     if not sources:
         raise UsageError("no source given: expected at least one recording")
     reading = Reading(topic, columns, time_source)
-    opened = [_opened(source, reading) for source in sources]
+    opened = [open_one(source, reading) for source in sources]
     if glance is not None:
         opened = [glance.of(source) for source in opened]
     has_topics = [bool(source.topics()) for source in opened]
@@ -393,6 +394,7 @@ def open_recording(
         check_latest(opened, cumulative=cumulative)
     moved = None if transform is None else read_transform(transform)
     trajectory = None if route is None else read_trajectory(Path(route))
+    given_georeference = asked_georeference(crs, crs_offset)
     mounting = Mounting.of(extrinsic)
     placing = Placing.of(opened, Asked(frame, pose_topic, mounting, trajectory, pose_gap))
     given = {
@@ -412,13 +414,15 @@ def open_recording(
         "pose_gap": pose_gap,
         "route": None if route is None else os.fspath(route),
         "transform": None if moved is None else moved.to_dict(),
+        "crs": None if given_georeference is None else given_georeference.crs,
+        "crs_offset": None if crs_offset is None else list(crs_offset),
     }
     options = {name: value for name, value in given.items() if value is not None}
     notes = list(trajectory.notes) if trajectory else []
     upright = Upright.along("z" if up == AUTO else up)
     recording = Recording(
         opened, selection, placing, upright, cumulative, latest, trajectory, notes, options,
-        _glance=glance,
+        _glance=glance, _georeference=given_georeference,
     )  # fmt: skip
     if up == AUTO:
         found, order_note = _find_up(recording)
@@ -427,14 +431,6 @@ def open_recording(
     if moved is not None:
         recording._upright = recording._upright.before(moved)
     return recording
-
-
-def _opened(source: str | os.PathLike[str] | Array, reading: Reading) -> Source:
-    expected = "the path of a recording, or points as an array (N, 3)"
-    expect(source, (str, os.PathLike, np.ndarray), "sources", expected)
-    if isinstance(source, np.ndarray):
-        return PointArray(source)
-    return open_source(Path(source), reading)
 
 
 def _find_up(recording: Recording) -> tuple[Up, str]:

@@ -14,6 +14,12 @@ import numpy as np
 from mlscli.errors import InputError, UsageError, expect
 from mlscli.geometry.similarity import Similarity
 from mlscli.io.files import read_input
+from mlscli.maps.georeference import (
+    GEOREFERENCE,
+    Georeference,
+    checked_georeference,
+    georeference_of,
+)
 from mlscli.maps.recorded import TURN, turn_of, turns_apart
 from mlscli.runtime.arrays import Array, Float64
 
@@ -35,12 +41,15 @@ class Transform:
         The turn by which the recording of the other map came into that frame.
     before : float64 (4, 4)
         The turn after which z points up in the recording that is moved.
+    georeference : Georeference or None
+        Where the frame of the other map's recording lies on Earth, if that is known.
     """
 
     fit: Similarity
     frame_id: str
     turn: Float64
     before: Float64
+    georeference: Georeference | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON."""
@@ -49,7 +58,7 @@ class Transform:
             FRAME: self.frame_id,
             TURN: self.turn.tolist(),
             FROM: self.before.tolist(),
-        }
+        } | ({} if self.georeference is None else {GEOREFERENCE: self.georeference.to_dict()})
 
     def require_turn(self, turn: Float64) -> None:
         """Refuse a recording that is turned upright in another way.
@@ -83,10 +92,10 @@ def onto(
     """
     earlier = transform_of(other)
     if earlier is None:
-        return Transform(fit, frame_id, turn_of(one), turn_of(other))
+        return Transform(fit, frame_id, turn_of(one), turn_of(other), georeference_of(one))
     together = Similarity.of(fit.matrix @ earlier.fit.matrix)
     assert together is not None
-    return Transform(together, frame_id, turn_of(one), earlier.before)
+    return Transform(together, frame_id, turn_of(one), earlier.before, georeference_of(one))
 
 
 def transform_of(meta: Mapping[str, Any]) -> Transform | None:
@@ -129,8 +138,11 @@ def _checked(held: Any, name: str) -> Transform:
     frame_id = held.get(FRAME, "map")
     if not isinstance(frame_id, str):
         raise InputError(f"{name}: {FRAME} holds {str(frame_id)[:60]}; it must be a text")
-    turns = [turn_of({TURN: held[key]} if key in held else {}) for key in (TURN, FROM)]
-    return Transform(fit, frame_id, *turns)
+    turn, before = (turn_of({TURN: held[key]} if key in held else {}) for key in (TURN, FROM))
+    place = held.get(GEOREFERENCE)
+    if place is not None:
+        place = checked_georeference(place, f"{name}: {GEOREFERENCE}")
+    return Transform(fit, frame_id, turn, before, place)
 
 
 def _numbers(rows: Any) -> Array:

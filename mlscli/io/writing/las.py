@@ -23,7 +23,7 @@ _MOST = 2.0**31 - 1
 _DATE = slice(90, 94)
 
 
-def las_of(cloud: Cloud, *, compress: bool) -> tuple[bytes, Float64]:
+def las_of(cloud: Cloud, *, compress: bool, wkt: str | None = None) -> tuple[bytes, Float64]:
     """Return the file of a cloud, and the coordinates as it holds them, float64 (N, 3).
 
     Parameters
@@ -31,6 +31,8 @@ def las_of(cloud: Cloud, *, compress: bool) -> tuple[bytes, Float64]:
     cloud : Cloud
     compress : bool
         Whether it is LAZ.
+    wkt : str, optional
+        The text of the reference system that the coordinates are in.
 
     Raises
     ------
@@ -52,6 +54,10 @@ def las_of(cloud: Cloud, *, compress: bool) -> tuple[bytes, Float64]:
     header.add_extra_dims(
         [laspy.ExtraBytesParams(name, kind, what[:31]) for name, (kind, what) in FIELDS.items()]
     )
+    if wkt is not None:
+        # Points of format 6 have no other way; the flag says so.
+        header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+        header.global_encoding.wkt = True
     points = laspy.LasData(header)
     points.x, points.y, points.z = xyz.T
     for name, values in cloud.fields.items():

@@ -98,8 +98,8 @@ def test_the_same_map_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_what_cannot_be_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match="`kind`: is 'hdf'"):
         write_layers(tmp_path / "a", house(), "hdf")
-    with pytest.raises(UsageError, match="`crs`: netcdf does not take it"):
-        write_layers(tmp_path / "a", house(), "netcdf", crs="EPSG:32632")
+    with pytest.raises(UsageError, match="`crs`: npz does not take it"):
+        write_layers(tmp_path / "a", house(), "npz", crs="EPSG:32632")
     with pytest.raises(UsageError, match="empty"):
         write_layers(tmp_path / "a", map_of([]), "npz")
     monkeypatch.setitem(sys.modules, "rasterio.crs", None)
