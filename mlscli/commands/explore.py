@@ -18,6 +18,7 @@ from mlscli.errors import UsageError
 from mlscli.words import some
 
 if TYPE_CHECKING:
+    from mlscli.io.writing.plan import OnEarth, Origin
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.queries.exploration import Exploration
 
@@ -51,7 +52,13 @@ ENDINGS = (".csv", ".tum", ".txt", ".plan", ".mcap", ".html")
     "--origin",
     type=Numbers("LAT,LON,ALT"),
     help="For a plan: where the map's origin lies (degrees, metres above sea level). Its x points "
-    "east, its y north, in metres.",
+    "east, its y north, in metres. Not needed where the map knows where it lies on Earth.",
+)
+@click.option(
+    "--crs",
+    metavar="CRS",
+    help="For a plan: the reference system of the map, as EPSG:32632, where the map does not know "
+    "it. Needs pip install 'mlscli[geo]'.",
 )
 @overwrite
 @as_json
@@ -64,6 +71,7 @@ def command(
     least: int,
     outputs: tuple[str, ...],
     origin: tuple[float, float, float] | None,
+    crs: str | None,
     overwrite: bool,
     as_json: bool,
 ) -> None:
@@ -85,12 +93,16 @@ def command(
     if prints and as_json:
         raise UsageError("-o -: does not go with --json, both print; name a file, table.csv")
     for output in outputs:
-        _check(output, origin)
+        _check(output)
         refuse_existing(output, overwrite=overwrite, sources=[source])
     surface = read_map(source)
+    plans = [output for output in outputs if output.lower().endswith(".plan")]
+    if (origin is not None or crs is not None) and not plans:
+        raise UsageError("--origin and --crs: are for a plan; name one with -o FILE.plan")
+    place = _place(plans[0], surface, origin, crs) if plans else None
     found = explore(surface, *craft, Camera(field_of_view, reach), most=views, least=least)
     for output in outputs:
-        _write(output, surface, found, origin, overwrite=overwrite)
+        _write(output, surface, found, place, overwrite=overwrite)
     if prints:
         from mlscli.io.writing.views import table_of
 
@@ -108,23 +120,44 @@ def command(
         say(f"mls: {source}: views were tried for the {found.tried} largest regions only")
 
 
-def _check(output: str, origin: tuple[float, float, float] | None) -> None:
+def _check(output: str) -> None:
     """Refuse an output that cannot be written, before any work."""
     ending = Path(output).suffix.lower()
     if ending not in ENDINGS:
         raise UsageError(f"{output}: does not end in {', '.join(ENDINGS)}")
-    if ending == ".plan" and origin is None:
+
+
+def _place(
+    output: str, surface: SurfaceMap, origin: tuple[float, float, float] | None, crs: str | None
+) -> Origin | OnEarth:
+    """Return where the map lies on Earth, before any work."""
+    from mlscli.io.writing.plan import OnEarth, Origin
+    from mlscli.maps.georeference import map_georeference
+
+    if origin is not None:
+        if crs is not None:
+            raise UsageError("--crs: does not go with --origin; leave one of them out")
+        return Origin(*origin)
+    found = map_georeference(surface.meta, crs)
+    if found is None:
         raise UsageError(
-            f"{output}: a plan is in degrees, and the map is local; say where its origin lies, as "
-            "in --origin 47.3765,8.5482,410, its x pointing east and its y north"
+            f"{output}: a plan is in degrees, and the map does not know where on Earth it lies; "
+            "say it by --crs, or where its origin lies, as in --origin 47.3765,8.5482,410, its x "
+            "pointing east and its y north"
         )
+    place = OnEarth(found)
+    # That pyproj is there, and knows the system, shows now.
+    x, y = (float(cells[:1].sum()) * surface.cell_size for cells in (surface.ix, surface.iy))
+    place.at(x, y, 0.0)
+    say(f"mls: {output}: heights of the map, {found}, are taken for altitudes above sea level")
+    return place
 
 
 def _write(
     output: str,
     surface: SurfaceMap,
     found: Exploration,
-    origin: tuple[float, float, float] | None,
+    origin: Origin | OnEarth | None,
     *,
     overwrite: bool,
 ) -> None:
@@ -135,10 +168,10 @@ def _write(
 
         write_views(output, found, overwrite=overwrite)
     elif ending == ".plan":
-        from mlscli.io.writing.plan import Origin, write_plan
+        from mlscli.io.writing.plan import write_plan
 
         assert origin is not None
-        write_plan(output, found, Origin(*origin), overwrite=overwrite)
+        write_plan(output, found, origin, overwrite=overwrite)
     elif ending == ".mcap":
         from mlscli.io.writing.explored import write_explored
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,8 +61,7 @@ def wkt_of(crs: str) -> str | None:
 def on_earth(georeference: Georeference, points: Float64) -> Float64:
     """Return latitude and longitude (degrees, WGS 84) and height (m) of points.
 
-    Heights are those of the system: above its ellipsoid, or above sea, as its vertical part says,
-    or, where it has none, whatever they are measured from.
+    Heights are measured from where those of the points are: the ellipsoid, or the sea.
 
     Parameters
     ----------
@@ -76,19 +76,33 @@ def on_earth(georeference: Georeference, points: Float64) -> Float64:
     Raises
     ------
     UsageError
-        pyproj is not installed, there is no such system, or points lie beyond it.
+        pyproj is not installed, there is no such system, it has no lengths for x and y, or points
+        lie beyond it.
     """
-    system = _system(georeference.crs)
-    if system is None:
-        raise UsageError(f"the georeference, {georeference}, {NO_PYPROJ}")
-    from pyproj import Transformer
-
+    transform, metres = _to_degrees(georeference.crs)
     x, y, z = (points + georeference.offset).T
-    level = system.to_2d() if len(system.sub_crs_list) == 0 else system.sub_crs_list[0].to_2d()
-    latitude, longitude = Transformer.from_crs(level, "EPSG:4326", always_xy=True).transform(x, y)[
-        ::-1
-    ]
-    places = np.column_stack((latitude, longitude, z))
+    longitude, latitude = transform.transform(x, y)
+    places = np.column_stack((latitude, longitude, metres * z))
     if not np.isfinite(places).all():
         raise UsageError(f"the map lies beyond what its reference system covers, {georeference}")
     return places
+
+
+@cache
+def _to_degrees(crs: str) -> tuple[Any, float]:
+    """Return what leads from x and y of a system to longitude and latitude, and its metres in z."""
+    system = _system(crs)
+    if system is None:
+        raise UsageError(f"a place in degrees {NO_PYPROJ}")
+    from pyproj import Transformer
+
+    level, heights = system, system.axis_info[2:]
+    if system.is_compound:
+        level, vertical = system.sub_crs_list[:2]
+        heights = vertical.axis_info
+    if not level.is_projected:
+        raise UsageError(f"`crs`: is {shorten(crs)!r}, whose x and y are no lengths on a plane")
+    # Without heights of its own, a system has them in the unit of its plane.
+    unit = (heights or level.axis_info)[0].unit_conversion_factor
+    transform = Transformer.from_crs(level.to_2d(), "EPSG:4326", always_xy=True)
+    return transform, float(unit)

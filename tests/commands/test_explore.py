@@ -76,6 +76,7 @@ def test_what_it_does_not_know_is_said(tmp_path: Path) -> None:
     [
         (("--craft", "0.5,0.5", "-o", "views.pdf"), "views.pdf: does not end in .csv, .tum, "),
         (("--craft", "0.5,0.5", "-o", "views.plan"), "views.plan: a plan is in degrees, and the "),
+        (("--craft", "0.5,0.5", "--crs", "EPSG:32632"), "--origin and --crs: are for a plan; "),
         (("--craft", "0.5,0.5", "--range", "-1"), "--range -1: expected more than a cell, 0.5"),
     ],
 )
@@ -87,3 +88,14 @@ def test_what_is_wrong_is_said_in_a_line(
     assert done.returncode != 0
     assert done.stderr.startswith(f"mls: {fault}")
     assert done.stderr.count("\n") == 1
+
+
+def test_a_map_that_knows_where_it_lies_needs_no_origin_for_a_plan(tmp_path: Path) -> None:
+    pytest.importorskip("pyproj")
+    place = {"crs": "EPSG:32632", "offset": [500_000, 5_200_000, 400], "source": "a test"}
+    write_map(tmp_path / "yard.npz", replace(yard(), meta={"georeference": place}))
+    done = mls("explore", "yard.npz", "--craft", "0.5,0.5", "-o", "a.plan", cwd=tmp_path)
+    assert "EPSG:32632, offset 500000,5200000,400 (a test), are taken for altitudes" in done.stderr
+    home = json.loads((tmp_path / "a.plan").read_text())["mission"]["plannedHomePosition"]
+    assert home[:2] == pytest.approx([46.95, 9.0], abs=0.01)
+    assert 400 < home[2] < 450

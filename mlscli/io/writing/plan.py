@@ -16,8 +16,13 @@ import math
 import os
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from mlscli.errors import UsageError
+from mlscli.geometry.earth import radii
+from mlscli.io.crs import on_earth
 from mlscli.io.writing.atomic import atomic_write
+from mlscli.maps.georeference import Georeference
 from mlscli.queries.exploration import Exploration
 
 # MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_MOUNT_CONTROL; MAV_FRAME_GLOBAL and MAV_FRAME_MISSION;
@@ -28,8 +33,6 @@ _ABOVE_SEA, _PX4, _MULTICOPTER = 2, 12, 2
 _WAIT_SECONDS = 2.0
 _SPEED = 2.0
 
-# WGS84: half the longer axis (m), and the square of the eccentricity.
-_AXIS, _SQUARE = 6378137.0, 6.69437999014e-3
 FARTHEST = 10_000.0
 """So far from the origin (m), east and north are still those of a plane, to a few metres."""
 
@@ -67,18 +70,63 @@ class Origin(NamedTuple):
                 f"`origin`: a view at {x:g},{y:g} is farther than {FARTHEST:,.0f} m from the "
                 "origin of the map; a plan needs a map whose origin is near"
             )
-        bend = 1 - _SQUARE * math.sin(math.radians(self.latitude)) ** 2
-        north = _AXIS * (1 - _SQUARE) / bend**1.5
-        east = _AXIS / math.sqrt(bend) * math.cos(math.radians(self.latitude))
+        north, east = radii(self.latitude)
+        east *= math.cos(math.radians(self.latitude))
         return (
             self.latitude + math.degrees(y / north),
             self.longitude + math.degrees(x / east),
             self.altitude + z,
         )
 
+    def heading(self, place: tuple[float, float, float], yaw: float) -> float:  # noqa: ARG002
+        """Return the compass heading (degrees) of a yaw in the map (degrees, from x towards y)."""
+        return (90 - yaw) % 360
+
+
+class OnEarth(NamedTuple):
+    """A map whose frame lies in a reference system on Earth; needs pyproj.
+
+    Attributes
+    ----------
+    georeference : Georeference
+        Of the frame of the map; its heights are taken for altitudes above sea level.
+    """
+
+    georeference: Georeference
+
+    def at(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """Return latitude, longitude and altitude of a place of the map.
+
+        Raises
+        ------
+        UsageError
+            As `mlscli.io.crs.on_earth`.
+        """
+        latitude, longitude, altitude = on_earth(
+            self.georeference, np.array([(x, y, z)], dtype=np.float64)
+        )[0].tolist()
+        return latitude, longitude, altitude
+
+    def heading(self, place: tuple[float, float, float], yaw: float) -> float:
+        """Return the compass heading (degrees) of a yaw in the map (degrees, from x towards y).
+
+        North of a projection is not that of a compass card: true north is meant.
+        """
+        x, y, z = place
+        turn = math.radians(yaw)
+        here, there = self.at(x, y, z), self.at(x + math.cos(turn), y + math.sin(turn), z)
+        north, east = radii(here[0])
+        east *= math.cos(math.radians(here[0]))
+        along = east * (there[1] - here[1]), north * (there[0] - here[0])
+        return math.degrees(math.atan2(*along)) % 360
+
 
 def write_plan(
-    path: str | os.PathLike[str], found: Exploration, origin: Origin, *, overwrite: bool = False
+    path: str | os.PathLike[str],
+    found: Exploration,
+    origin: Origin | OnEarth,
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Write a plan, whole or not at all.
 
@@ -87,15 +135,15 @@ def write_plan(
     path : path
         The file.
     found : Exploration
-    origin : Origin
-        Where the origin of the map lies.
+    origin : Origin or OnEarth
+        Where the map lies.
     overwrite : bool
         Whether an existing file may be replaced.
 
     Raises
     ------
     UsageError
-        Where there is no view, or as `Origin.at`.
+        Where there is no view, or as `at` of `origin`.
     OutputError
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
@@ -107,7 +155,7 @@ def write_plan(
         items.append(_item(len(items) + 1, _MOUNT, _MISSION, [tilt - 90, 0, 0, 0, 0, 0, _ANGLES]))
         where = origin.at(*place)
         wait = _WAIT_SECONDS if tilt else 0.0
-        number, heading = len(items) + 1, (90 - yaw) % 360
+        number, heading = len(items) + 1, origin.heading(place, yaw)
         waypoint = _item(number, _WAYPOINT, _GLOBAL, [wait, 0, 0, heading, *where])
         items.append(
             waypoint

@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from mlscli.errors import UsageError
 from mlscli.io.writing.explored import KIND_COLOURS, drawing, write_explored
-from mlscli.io.writing.plan import Origin, write_plan
+from mlscli.io.writing.plan import OnEarth, Origin, write_plan
+from mlscli.maps.georeference import Georeference
 from mlscli.queries.exploration import Camera, Exploration
 from mlscli.queries.explore import explore
 from mlscli.runtime.arrays import Float64
@@ -122,6 +123,30 @@ def test_a_plan_leads_to_the_places_and_looks_where_the_views_do(
         off = axes @ (on_earth(*item["params"][4:]) - begin)
         assert off == pytest.approx(place, abs=0.02)
         assert item["Altitude"] == item["params"][6]
+
+
+def test_a_map_in_a_projection_is_flown_to_in_degrees_and_by_true_north(tmp_path: Path) -> None:
+    pyproj = pytest.importorskip("pyproj")
+    right = found()
+    # In a corner of its zone, where its north is 2 degrees off, heights in feet of its own.
+    offset = (690_000.0, 5_250_000.0, 500.0)
+    place = OnEarth(Georeference("EPSG:32632+6360", offset))
+    write_plan(tmp_path / "views.plan", right, place)
+    items = json.loads((tmp_path / "views.plan").read_text())["mission"]["items"][1::2]
+    back = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
+    position, yaw, _ = right.way()
+    for item, (x, y, z), turn in zip(items, position.tolist(), yaw.tolist(), strict=True):
+        latitude, longitude, altitude = item["params"][4:]
+        at = back.transform(longitude, latitude)
+        assert at == pytest.approx((x + offset[0], y + offset[1]), abs=1e-5)
+        assert altitude == pytest.approx((z + 500) * 1200 / 3937)
+        geod, heading = pyproj.Geod(ellps="WGS84"), item["params"][3]
+        ahead = back.transform(*geod.fwd(longitude, latitude, heading, 1.0)[:2])
+        drawn = math.degrees(math.atan2(ahead[1] - at[1], ahead[0] - at[0]))
+        assert (drawn - turn + 180) % 360 - 180 == pytest.approx(0, abs=1e-4)
+        assert abs((heading - (90 - turn) + 180) % 360 - 180) > 1.5
+    with pytest.raises(UsageError, match="no lengths on a plane"):
+        OnEarth(Georeference("EPSG:4326")).at(8.0, 47.0, 0.0)
 
 
 def test_what_no_plan_can_say_is_refused(tmp_path: Path) -> None:
