@@ -3,6 +3,8 @@
 Each command writes over what it wrote before and is killed (SIGKILL) at a random moment, every
 other time soon after a file of its own has appeared beside the output. Each output must then be
 the old one or the new one, to the byte, and what else was left must be gone after the next run.
+
+Then builds that keep what they have evaluated are killed and resumed.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from pathlib import Path
 import click
 
 from benchmarks.installed import SAMPLE
+from benchmarks.large import CELL, write_survey
 from benchmarks.table import lines
 
 HEAD = ("command", "killed", "old outputs", "new outputs", "torn", "files left", "left at last")
@@ -74,6 +77,31 @@ def kill(words: tuple[Words, Words], outputs: Path, kills: int, chance: random.R
     return [found[what] for what in ("killed", "old", "new", "torn", "left", "left at last")]
 
 
+def resume(folder: Path, kills: int, chance: random.Random) -> str:
+    """Kill and resume builds of a flight; say how many went on, and how many maps were the same."""
+    write_survey(folder / "survey.bag", 400_000)
+    build = ["build", str(folder / "survey.bag"), "--set", f"map.cell_size={CELL}", "--jobs", "2"]
+    whole, target = folder / "whole.npz", folder / "map.npz"
+    begin = time.monotonic()
+    _done([*build, "-o", str(whole)])
+    seconds = time.monotonic() - begin
+    found: Counter[str] = Counter()
+    for _ in range(kills):
+        process = _run([*build, "-o", str(target), "--checkpoint-every", "0s"])
+        time.sleep(chance.uniform(0.3 * seconds, seconds))
+        process.kill()
+        found["killed"] += process.wait() != 0
+        found["kept"] += any(folder.glob("map.npz.checkpoint/tiles-*"))
+        _done([*build, "-o", str(target), "--resume", "--overwrite"])
+        found["same"] += target.read_bytes() == whole.read_bytes()
+        found["left"] += len(list(folder.iterdir())) - 3
+        target.unlink()
+    return (
+        f"{found['killed']} of {kills} builds killed, {found['kept']} after tiles were kept; "
+        f"resumed, {found['same']} made the same map, and left {found['left']} files"
+    )
+
+
 def _done(words: Words) -> None:
     if _run(words).wait():
         raise RuntimeError(f"mls {' '.join(words)}: failed")
@@ -108,12 +136,14 @@ def main(kills: int, seed: int) -> None:
         inputs.mkdir()
         outputs.mkdir()
         rows = []
+        told = resume(inputs, kills, chance)
         for name, words in commands(inputs, outputs).items():
             rows.append((name, *map(str, kill(words, outputs, kills, chance))))
             for path in outputs.iterdir():
                 path.unlink()
     for line in lines(HEAD, rows):
         click.echo(line)
+    click.echo(told)
 
 
 if __name__ == "__main__":

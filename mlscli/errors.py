@@ -60,7 +60,7 @@ _ARGUMENTS = (
     *("origin", "outliers", "overwrite", "pose_gap", "pose_topic", "range", "reference", "route"),
     *("route_height", "salt_pepper", "scene", "scheduler", "scratch", "section", "seed", "seeds"),
     *("sigma", "scale", "size", "sizes", "slope", "start", "step", "survey", "time_source"),
-    *("topic", "transform", "up", "within"),
+    *("resume", "topic", "transform", "up", "within"),
 )
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}
 OPTIONS |= {"kind": "--format", "most": "--views", "sets": "--set", "type_": "--type"}

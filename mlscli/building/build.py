@@ -13,6 +13,7 @@ import numpy as np
 
 from mlscli.building.builder import Follower, MapBuilder, check_workers
 from mlscli.building.depth_noise import auto_noise, told
+from mlscli.building.identity import identity
 from mlscli.building.sizes import fit_sizes
 from mlscli.errors import InputError, expect
 from mlscli.io.reading.recording import Recording, open_recording
@@ -21,6 +22,7 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.report import Report
+from mlscli.pipeline.tilewise.checkpoint import Checkpoint
 from mlscli.pipeline.tilewise.cluster import Cluster
 from mlscli.pipeline.tilewise.connection import connected
 from mlscli.runtime.arrays import Array
@@ -50,6 +52,7 @@ def build(
     follow: Follower | None = None,
     jobs: int | None = None,
     scheduler: str | Cluster | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Build:
     """Build the map of a recording.
 
@@ -68,6 +71,8 @@ def build(
     scheduler : str or Cluster, optional
         Evaluate the map tile by tile on a Dask cluster: the address of its scheduler,
         ``tcp://host:port``, or ``local`` for a cluster on this machine. The map is the same.
+    checkpoint : Checkpoint, optional
+        Keep the tiles that were evaluated, or go on from those of an interrupted build.
 
     Returns
     -------
@@ -90,9 +95,11 @@ def build(
     if isinstance(scheduler, str):
         # If nothing answers there, that shows before anything is read.
         with connected(scheduler) as cluster:
-            return build(source, parameters, progress, follow, jobs, cluster)
+            return build(source, parameters, progress, follow, jobs, cluster, checkpoint)
     recording = _opened(source)
     georeference = recording.georeference
+    if checkpoint is not None:
+        checkpoint.begin(identity(recording, parameters))
     reading = Report()
     held: Iterator[Keyframe] | None = None
     if parameters.lacks_sizes or parameters.lacks_noise:
@@ -114,9 +121,11 @@ def build(
         follow=follow,
         jobs=jobs,
         cluster=scheduler,
+        checkpoint=checkpoint,
     )
     builder.report.add(reading)
-    feed(builder, recording, progress, held, follows_sights=parameters.map.free_space)
+    sights = parameters.map.free_space
+    feed(builder, recording, progress, held, follows_sights=sights, checkpoint=checkpoint)
     surface = builder.finish()
     if not surface.size:
         raise InputError(emptied(recording, builder.report))
@@ -175,6 +184,7 @@ def feed(
     held: Iterable[Keyframe] | None = None,
     *,
     follows_sights: bool = False,
+    checkpoint: Checkpoint | None = None,
 ) -> None:
     """Give a builder the keyframes of a recording.
 
@@ -189,6 +199,8 @@ def feed(
         The keyframes, where they have been read already.
     follows_sights : bool, optional
         Whether free space is to be kept, for which the craft's position must be known.
+    checkpoint : Checkpoint, optional
+        Sees the keyframes, too.
 
     Raises
     ------
@@ -197,6 +209,8 @@ def feed(
     """
     keyframes = known = 0
     for keyframe in read(recording, builder.report, progress) if held is None else held:
+        if checkpoint is not None:
+            checkpoint.saw(keyframe)
         builder.add(keyframe)
         keyframes += 1
         known += math.isfinite(sum(keyframe.position))

@@ -30,6 +30,7 @@ from mlscli.pipeline.line_counts import LONGEST, LineCounts
 from mlscli.pipeline.parameters import Parameters, to_dict
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
+from mlscli.pipeline.tilewise.checkpoint import Checkpoint
 from mlscli.pipeline.tilewise.cluster import Cluster
 from mlscli.pipeline.tilewise.tiles import Threads, Workers, map_in_tiles
 from mlscli.runtime.arrays import Float64
@@ -71,6 +72,8 @@ class MapBuilder:
         Number of threads in which `finish` evaluates the map tile by tile, if in one pass.
     cluster : Cluster, optional
         Evaluate the tiles on this cluster instead.
+    checkpoint : Checkpoint, optional
+        Keeps the tiles, where the map is evaluated tile by tile.
 
     Attributes
     ----------
@@ -106,6 +109,7 @@ class MapBuilder:
         follow: Follower | None = None,
         jobs: int | None = None,
         cluster: Cluster | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         expect(parameters, Parameters, "parameters", "Parameters")
         expect(frame_id, str, "frame_id", "a text")
@@ -118,6 +122,7 @@ class MapBuilder:
         followed = "" if follow is None else "`follow`"
         check_workers(parameters, {"jobs": jobs, "cluster": cluster}, followed)
         expect(cluster, (Cluster, NoneType), "cluster", "a Cluster")
+        expect(checkpoint, (Checkpoint, NoneType), "checkpoint", "a Checkpoint")
         self.report = Report()
         self._sources = list(sources)
         self._reading = dict(reading or {})
@@ -126,6 +131,7 @@ class MapBuilder:
         self._progress = progress
         self._follow = follow
         self._workers: Workers | None = cluster or (None if jobs is None else Threads(jobs))
+        self._checkpoint = checkpoint
         self._pipeline = Pipeline(parameters, frame_id, self.report)
         self.parameters = self._pipeline.parameters
         self._gatherer = BatchGatherer(
@@ -237,8 +243,9 @@ class MapBuilder:
         pipeline, progress = self._pipeline, self._progress
         pipeline.route = self._gatherer.route
         if self._workers is not None:
+            points = self._gatherer.take_points()
             return map_in_tiles(
-                pipeline, self._gatherer.take_points(), self._workers, progress, self._counts
+                pipeline, points, self._workers, progress, self._counts, self._checkpoint
             )
         # No variable keeps the points: they are freed as soon as they are filtered.
         filtered = pipeline.filter_points(self._gatherer.take_points(), progress)

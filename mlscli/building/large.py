@@ -23,6 +23,7 @@ from mlscli.building.build import emptied, feed
 from mlscli.building.builder import check_workers, free_space, growing_map, map_meta
 from mlscli.building.depth_noise import DepthNoise, told
 from mlscli.building.gap_size import AskedPoints, roughness_within, with_gap_size
+from mlscli.building.identity import identity
 from mlscli.errors import InputError, UsageError
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.change import points_in
@@ -37,6 +38,7 @@ from mlscli.pipeline.parameters import AUTO, Parameters
 from mlscli.pipeline.pipeline import Pipeline, Progress
 from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.blocks import PointBlocks
+from mlscli.pipeline.tilewise.checkpoint import Checkpoint
 from mlscli.pipeline.tilewise.connection import connected, refuse_local
 from mlscli.pipeline.tilewise.tiles import (
     COMFORTABLE_POINTS,
@@ -95,6 +97,7 @@ def build_large(
     jobs: int | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Iterator[LargeBuild]:
     """Build the map of a recording within limited memory; the map lasts as long as the context.
 
@@ -113,7 +116,7 @@ def build_large(
     scheduler : str, optional
         Evaluate the tiles on the Dask cluster whose scheduler has this address; the memory of its
         workers is not counted.
-    progress : callable, optional
+    progress, checkpoint : optional
         As for `build`.
 
     Yields
@@ -144,8 +147,13 @@ def build_large(
         if scheduler is not None:
             workers = stack.enter_context(connected(scheduler))
         disk = stack.enter_context(Scratch(scratch))
-        builder = _LargeMapBuilder(recording, parameters, memory, disk, workers, progress)
-        feed(builder, recording, progress, follows_sights=parameters.map.free_space)
+        if checkpoint is not None:
+            checkpoint.begin(identity(recording, parameters))
+        builder = _LargeMapBuilder(
+            recording, parameters, memory, disk, workers, progress, checkpoint
+        )
+        sights = parameters.map.free_space
+        feed(builder, recording, progress, follows_sights=sights, checkpoint=checkpoint)
         surface = builder.finish()
         if not surface.size:
             raise InputError(emptied(recording, builder.report))
@@ -165,7 +173,7 @@ class _LargeMapBuilder:
         Receives the points and the map.
     workers : Workers
         Evaluate the tiles.
-    progress : callable, optional
+    progress, checkpoint : optional
         As for `build`.
     """
 
@@ -177,6 +185,7 @@ class _LargeMapBuilder:
         disk: Scratch,
         workers: Workers,
         progress: Progress | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         self.report = Report()
         self._recording = recording
@@ -185,6 +194,7 @@ class _LargeMapBuilder:
         self._disk = disk
         self._workers = workers
         self._progress = progress
+        self._checkpoint = checkpoint
         # Points are stored before the gap size and the noise are known.
         self._pipeline = Pipeline(parameters, recording.frame_id, self.report)
         self._asked = AskedPoints(self._pipeline.cell_size) if parameters.lacks_sizes else None
@@ -252,8 +262,11 @@ class _LargeMapBuilder:
         # What free space may take is no room for anything else.
         self._room -= most
         counts = pipeline.line_counts(most)
+        workers = self._workers
+        if self._checkpoint is not None:
+            workers = self._checkpoint.kept(workers)
         tiles = evaluate_tiles(
-            pipeline, self._blocks, self._tiles(), self._workers, self._progress, counts
+            pipeline, self._blocks, self._tiles(), workers, self._progress, counts
         )
         try:
             parts = [_PatchesByX.of(surface, self._disk) for surface in tiles]
@@ -294,7 +307,11 @@ class _LargeMapBuilder:
     def _tiles(self) -> list[Tile]:
         """Divide the plane into tiles that fit into memory."""
         most = self._left // self._workers.memory_per_point
-        tiles = tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE_POINTS))
+
+        def divided() -> list[Tile]:
+            return tiles_of(self._blocks, self._pipeline.reach, min(most, COMFORTABLE_POINTS))
+
+        tiles = divided() if self._checkpoint is None else self._checkpoint.tiles(divided)
         crowd = max(tile.points for tile in tiles)
         if crowd > most:
             least = self._memory - self._left + crowd * self._workers.memory_per_point

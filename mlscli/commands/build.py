@@ -15,6 +15,7 @@ from mlscli.commands import dryrun, report
 from mlscli.commands.options import (
     PARTLY_READ,
     Size,
+    Span,
     as_json,
     configured,
     overwrite,
@@ -98,6 +99,19 @@ _NO_MAPS = (
     "files. Nothing stays there.",
 )
 @click.option(
+    "--checkpoint-every",
+    type=Span(),
+    metavar="TIME",
+    help="With --memory, --scheduler or --jobs: every 30s, 10m or 2h, keep the tiles evaluated so "
+    "far in the folder MAP.checkpoint, for --resume. It is removed when the map is written.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on from the checkpoint of this build, which was interrupted: the sources are read "
+    "again, and what was evaluated is not evaluated again. The map is the same.",
+)
+@click.option(
     "--replay",
     metavar="FILE",
     help="Write the map as it grew, too: an MCAP file for Lichtblick, Foxglove and RViz, with the "
@@ -118,6 +132,8 @@ def command(
     scheduler: str | None,
     memory: int | None,
     scratch: str | None,
+    checkpoint_every: float | None,
+    resume: bool,
     replay: str | None,
     config: str | None,
     settings: tuple[str, ...],
@@ -137,12 +153,20 @@ def command(
     from mlscli.io.writing.atomic import is_same, refuse_existing
     from mlscli.io.writing.npz import write_map
     from mlscli.maps.surface_map import SurfaceMap
+    from mlscli.pipeline.tilewise.checkpoint import Checkpoint, folder_of
 
     begin = time.perf_counter()
     parameters = load(config, settings)
     if free_space:
         parameters = parameters.with_free_space()
     _check_together(parameters, growing or replay is not None, jobs, scheduler, memory, scratch)
+    keeps = resume or checkpoint_every is not None
+    if keeps and jobs is None and scheduler is None and memory is None:
+        named = "--resume" if resume else "--checkpoint-every"
+        raise UsageError(
+            f"{named}: needs a map that is evaluated tile by tile; "
+            "add --memory, --scheduler or --jobs"
+        )
     target = output or default_output(sources[0])
     if Path(target).suffix.lower() in _NO_MAPS:
         raise UsageError(f"{target}: a map is a .npz file; mls export makes others of it")
@@ -155,12 +179,19 @@ def command(
     if dry_run:
         grows = _nobody if growing or replay is not None else None
         return dryrun.report_build(target, sources, parameters, grows, selection, as_json=as_json)
+    if not keeps and folder_of(target).exists():
+        say(f"mls: {folder_of(target)}: is of an interrupted build, and not used without `resume`")
     recording = open_recording(*sources, **selection)
     notes = recording.notes
     for note in notes:
         say(f"mls: {note}")
 
     with ProgressBar() as progress, ExitStack() as stack:
+        checkpoint = None
+        if keeps:
+            checkpoint = stack.enter_context(
+                Checkpoint(target, every=checkpoint_every, resume=resume, overwrite=overwrite)
+            )
         follow: Follower | None = _nobody if growing else None
         if replay is not None:
             from mlscli.view.replay import open_replay
@@ -169,7 +200,7 @@ def command(
             follow = played.follow
         built: Build | LargeBuild
         if memory is None:
-            built = build(recording, parameters, progress, follow, jobs, scheduler)
+            built = build(recording, parameters, progress, follow, jobs, scheduler, checkpoint)
         else:
             large = build_large(
                 recording,
@@ -179,10 +210,13 @@ def command(
                 jobs=jobs,
                 scheduler=scheduler,
                 progress=progress,
+                checkpoint=checkpoint,
             )
             built = stack.enter_context(large)
         with built.report.timed("writing"):
             write_map(target, built.surface, overwrite=overwrite)
+        if checkpoint is not None:
+            checkpoint.clear()
         if replay is not None and isinstance(built.surface, SurfaceMap):
             played.finish(built.surface)
         account = _account(target, built, parameters, recording.losses)

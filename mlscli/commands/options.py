@@ -35,6 +35,23 @@ class Size(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # generic
         return int(float(found[1]) * 1024 ** " KMGT".index(found[2] or " "))
 
 
+class Span(click.ParamType):  # type: ignore[type-arg, unused-ignore]  # generic since click 8.3
+    """A time in seconds, with s, m or h for seconds, minutes and hours."""
+
+    name = "span"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the seconds; fail where the value is no time."""
+        if isinstance(value, int | float):
+            return value
+        found = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", str(value).strip().lower())
+        if found is None:
+            self.fail(f"{value!r} is no time; write 30s, 10m or 2h", param, ctx)
+        return float(found[1]) * {"": 1, "s": 1, "m": 60, "h": 3600}[found[2]]
+
+
 setting = click.option(
     "--set",
     "settings",

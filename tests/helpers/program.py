@@ -16,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
+from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
@@ -24,14 +25,19 @@ _SECONDS = 300
 
 
 def mls(
-    *arguments: object, cwd: Path | None = None, env: Mapping[str, str] | None = None
+    *arguments: object,
+    cwd: Path | None = None,
+    env: Mapping[str, str] | None = None,
+    main: str = "mlscli.cli:main",
 ) -> subprocess.CompletedProcess[str]:
     """Run ``mls`` with arguments in a folder, and return status, output and errors.
+
+    With another `main`, ``module:function``, that runs in its place, without an `env`.
 
     That a first run compiles kernels is left out of the errors: it is no matter of the command.
     """
     words = [*map(str, arguments)]
-    done = _forked(words, cwd) if env is None else _started(words, cwd, env)
+    done = _forked(words, cwd, main) if env is None else _started(words, cwd, env)
     said = done.stderr.splitlines(keepends=True)
     done.stderr = "".join(line for line in said if not line.startswith("mls: compiling kernels"))
     return done
@@ -51,13 +57,13 @@ def _started(
     )
 
 
-def _forked(words: list[str], cwd: Path | None) -> subprocess.CompletedProcess[str]:
+def _forked(words: list[str], cwd: Path | None, main: str) -> subprocess.CompletedProcess[str]:
     stand_by = _stand_by()
     assert stand_by.stdin is not None
     assert stand_by.stdout is not None
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder, "out"), Path(folder, "err")
-        asked = (words, str(cwd or Path.cwd()), dict(os.environ), str(out), str(err))
+        asked = (words, str(cwd or Path.cwd()), dict(os.environ), str(out), str(err), main)
         stand_by.stdin.write(f"{json.dumps(asked)}\n".encode())
         stand_by.stdin.flush()
         ready, _, _ = select.select([stand_by.stdout], [], [], _SECONDS)
@@ -94,15 +100,20 @@ def stand_by() -> None:
         while line := lines.readline():
             child = os.fork()
             if not child:
-                become(*json.loads(line))
+                words, folder, environment, out, err, main = json.loads(line)
+                become(words, folder, environment, out, err, partial(_called, main))
             _, status = os.waitpid(child, 0)
             os.write(answers, f"{os.waitstatus_to_exitcode(status)}\n".encode())
 
 
+def _called(name: str) -> None:
+    """Call ``module:function``."""
+    module, _, function = name.partition(":")
+    getattr(import_module(module), function)()
+
+
 def warm() -> None:
     """Import what runs of the program import, and load the kernels, so that forks need not."""
-    from importlib import import_module
-
     from mlscli.cli import COMMANDS
 
     drawing = ("matplotlib.figure", "matplotlib.backends.backend_agg", "matplotlib.collections")

@@ -8,7 +8,7 @@ bit of the map.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple, Protocol
 
@@ -79,6 +79,16 @@ class Workers(Protocol):
         """Evaluate tiles, and yield the results in their order."""
 
 
+class Keeps(Protocol):
+    """What keeps the tiles of a build: a checkpoint."""
+
+    def tiles(self, divide: Callable[[], list[Tile]]) -> list[Tile]:
+        """Return the tiles of the build, as they were before, or else as `divide` has them."""
+
+    def kept(self, workers: Workers) -> Workers:
+        """Return workers that evaluate what is not kept yet, and keep it."""
+
+
 # Tiles of fewer points are mostly margin; larger tiles than comfortable save hardly any margin.
 WORTHWHILE_POINTS, COMFORTABLE_POINTS = 50_000, 10**6
 
@@ -113,6 +123,7 @@ def map_in_tiles(
     workers: Workers,
     progress: Progress | None = None,
     counts: LineCounts | None = None,
+    checkpoint: Keeps | None = None,
 ) -> SurfaceMap:
     """Return the map of all points before the final stages, evaluated by several workers.
 
@@ -123,11 +134,16 @@ def map_in_tiles(
     workers : Workers
     progress, counts
         As for `evaluate_tiles`.
+    checkpoint : Keeps, optional
+        Keeps the tiles.
     """
     blocks = PointBlocks(pipeline.cell_size)
     blocks.add(points)
     share = points.size // (2 * workers.number)
-    tiles = tiles_of(blocks, pipeline.reach, max(WORTHWHILE_POINTS, min(share, COMFORTABLE_POINTS)))
+    most = max(WORTHWHILE_POINTS, min(share, COMFORTABLE_POINTS))
+    divided = partial(tiles_of, blocks, pipeline.reach, most)
+    tiles = divided() if checkpoint is None else checkpoint.tiles(divided)
+    workers = workers if checkpoint is None else checkpoint.kept(workers)
     parts = evaluate_tiles(pipeline, blocks, tiles, workers, progress, counts)
     return join(pipeline.grid, list(parts))
 
