@@ -13,7 +13,6 @@ import numpy as np
 from mlscli.errors import UsageError, expect
 from mlscli.maps.surface_map import ARTIFICIAL, MEASURED, PLASTERED, SurfaceMap
 from mlscli.mesh.colours import (
-    ARTIFICIAL_RED,
     COLOURS,
     ROUTE_GREEN,
     ColourBy,
@@ -22,7 +21,8 @@ from mlscli.mesh.colours import (
     origin_at,
     origin_colours,
 )
-from mlscli.plot.relief import Frame, frame_of, picture, shown_patches
+from mlscli.plot.relief import SOFT_RED, Frame, frame_of, picture, shown_patches
+from mlscli.plot.side import draw_side, is_mostly_walls, side_of
 from mlscli.runtime.arrays import Float64, Int64
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 PAPER = "#ffffff"
 INK = "#222222"
+
+# Fewer pixels together get no dotted line.
+LEAST_OUTLINED = 6
 
 # Inches along the longer side of the drawing.
 LONGER_SIDE = 7.5
@@ -48,6 +51,8 @@ def plot_above(
 ) -> Figure:
     """Return a picture of a map from above.
 
+    Beneath it, a map that is mostly walls is seen from the side, too: see `mlscli.plot.side`.
+
     Parameters
     ----------
     surface : SurfaceMap
@@ -62,7 +67,7 @@ def plot_above(
     title : str
         The title above the picture.
     axes : matplotlib.axes.Axes, optional
-        Draw there, instead of in a figure of its own.
+        Draw there, instead of in a figure of its own, and nothing from the side.
 
     Returns
     -------
@@ -86,7 +91,16 @@ def plot_above(
         most = int(np.diff(surface.cells.start).max())
         raise UsageError(f"`level` {level}: no cell has as many; this map has up to {most}")
     width, length = size_of(frame)
-    figure, axes, beneath = drawing_place(axes, width + 1.9, length + 1.3)
+    if axes is None and level is None and is_mostly_walls(surface):
+        side = side_of(surface, frame, SOFT_RED)
+        left, right, low, high = side.extent
+        tall = float(np.clip((high - low) / abs(right - left) * width, 1.0, 5.0))
+        figure = new_figure(width + 1.9, length + tall + 1.9)
+        axes, below = figure.subplots(2, 1, height_ratios=(length, tall))
+        draw_side(below, side, INK)
+        beneath: Figure | Axes = figure
+    else:
+        figure, axes, beneath = drawing_place(axes, width + 1.9, length + 1.3)
     draw_above(axes, surface, shown, frame, paint)
     axes.set_title(title, fontsize=10, color=INK)
     add_legend(beneath, _kinds(surface, shown, paint))
@@ -205,11 +219,18 @@ def add_colourbar(figure: Figure, axes: Axes | list[Axes], paint: Paint) -> None
 
 
 def _draw_beneath(axes: Axes, surface: SurfaceMap, shown: Int64, frame: Frame) -> None:
-    """Draw a dotted line around the pixels whose patch has another one beneath it."""
+    """Draw a dotted line around the pixels whose patch has another one beneath it.
+
+    Around `LEAST_OUTLINED` of them and more, that is: around single cells of ragged maps dots would
+    hide more than they tell.
+    """
     from matplotlib.collections import LineCollection
+    from scipy.ndimage import label
 
     first = np.repeat(surface.cells.start[:-1], np.diff(surface.cells.start))
     over = (shown >= 0) & (shown > np.append(first, 0)[shown])
+    part, _ = label(over, np.ones((3, 3)))
+    over &= np.bincount(part.ravel())[part] >= LEAST_OUTLINED
     padded = np.pad(over, 1)
     west, east, south, north = frame.extent
     x = np.linspace(west, east, frame.width + 1)
@@ -299,9 +320,11 @@ def _kinds(surface: SurfaceMap, shown: Int64, paint: Paint) -> list[Artist]:
     if paint.by == "origin" and MEASURED in origins:
         kinds.append(Patch(color=measured, label="measured"))
     if PLASTERED in origins and paint.by in ("height", "origin"):
-        kinds.append(Patch(color=plastered, label="plastered"))
+        paler = 0.5 if paint.by == "height" else 1.0
+        pale = tuple((1 - paler) * np.array(measured) + paler * np.array(plastered))
+        kinds.append(Patch(color=pale, label="plastered"))
     if ARTIFICIAL in origins and paint.by != "region":
-        kinds.append(Patch(color=as_colour(ARTIFICIAL_RED), label="artificial"))
+        kinds.append(Patch(color=tuple(SOFT_RED / 255), label="artificial"))
     if len(route_of(surface)):
         kinds.append(Line2D([], [], color=as_colour(ROUTE_GREEN), linewidth=2, label="route"))
     if np.diff(surface.cells.start).max(initial=0) > 1:

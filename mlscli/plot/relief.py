@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mlscli.errors import UsageError
-from mlscli.maps.surface_map import SurfaceMap
-from mlscli.mesh.colours import Paint
+from mlscli.maps.surface_map import ARTIFICIAL, PLASTERED, SurfaceMap
+from mlscli.mesh.colours import Paint, height_colours, origin_at
 from mlscli.runtime.arrays import Bool, Float64, Int64, UInt8
 
 # Pixels along the longer side, at most.
@@ -21,6 +21,9 @@ MAX_SIDE = 2000
 
 # Shadows are shorter than this many pixels.
 LONGEST_SHADOW = 12
+
+# The red of artificial patches among many others.
+SOFT_RED: Float64 = np.array([232.0, 120.0, 126.0])
 
 _SHADING, _SHADOW = 0.6, 0.72
 
@@ -141,10 +144,30 @@ def picture(surface: SurfaceMap, shown: Int64, frame: Frame, paint: Paint) -> UI
     height[there] = surface.height[patch]
     pixel = frame.cells * frame.cell_size
     light = _light(height, pixel)[there]
+    # Of what stands upright the top is seen, which has no slope that light could show.
+    light[surface.depth[patch] > 0] = 1.0
     colours = np.zeros((*shown.shape, 4), dtype=np.uint8)
-    lit = paint(surface, patch, surface.height[patch]) * light[:, None]
+    lit = softened(paint, surface, patch) * light[:, None]
     colours[there, :3] = np.clip(np.rint(lit), 0, 255)
     colours[there, 3] = 255
+    return colours
+
+
+def softened(paint: Paint, surface: SurfaceMap, patch: Int64) -> Float64:
+    """Return the colours of patches, float64 (N, 3), with inserted ones less loud than in meshes.
+
+    A mesh has few of them in sight; from above, ragged maps would be all red and specks.
+    """
+    height = surface.height[patch]
+    colours = paint(surface, patch, height).astype(np.float64)
+    if paint.by == "region":
+        return colours
+    origin = origin_at(surface, patch, height)
+    colours[origin == ARTIFICIAL] = SOFT_RED
+    if paint.by == "height" and paint.scale is not None:
+        plastered = origin == PLASTERED
+        full = height_colours(height[plastered], paint.scale.low, paint.scale.high)
+        colours[plastered] = (colours[plastered] + full) / 2
     return colours
 
 

@@ -11,8 +11,8 @@ import pytest
 from mlscli.errors import UsageError
 from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
-from mlscli.mesh.colours import ARTIFICIAL_RED, Paint
-from mlscli.plot.relief import MAX_SIDE, frame_of, picture, shown_patches
+from mlscli.mesh.colours import Paint
+from mlscli.plot.relief import MAX_SIDE, SOFT_RED, frame_of, picture, shown_patches
 from mlscli.runtime.arrays import Array
 from tests.helpers.maps import Patch, map_of
 from tests.helpers.meshes import a_map, plane
@@ -87,7 +87,7 @@ def test_what_is_high_throws_a_shadow_to_the_south_east() -> None:
 def test_level_ground_has_its_own_colour_and_artificial_ground_is_red() -> None:
     patches = [Patch(x, y, 0.0, 0.0, 2, 0) for x, y, _, _ in plane(3, 3)]
     image = lit(map_of(patches))
-    assert image[1, 1].tolist() == [*ARTIFICIAL_RED, 255]
+    assert image[1, 1].tolist() == [*SOFT_RED.tolist(), 255]
 
 
 def test_pixels_without_a_patch_are_clear() -> None:
