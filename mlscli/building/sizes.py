@@ -204,7 +204,7 @@ def auto_cell_size(xyz: Float64) -> float:
     InputError
         Where there are too few distinct points.
     """
-    found, _ = _distance(xyz, [xyz], None)
+    found, _ = _distance(xyz.copy(), [xyz], None)
     return two_digits(2 * found.distance)
 
 

@@ -54,20 +54,25 @@ class Neighbourhoods:
     Parameters
     ----------
     points : float64 (N, 3)
-        Coordinates, finite.
+        Coordinates, finite; they may be put in another order, in place.
     is_distinct : bool
         Whether no point is there twice; else those that are are dropped.
 
     Attributes
     ----------
     points : float64 (M, 3)
+        Those that lie close together mostly stand so, too.
+    rows : uint32 (M,)
+        The numbers that they had among the distinct ones.
     """
 
     def __init__(self, points: Float64, *, is_distinct: bool = False) -> None:
         from mlscli.runtime.tree import Tree
 
-        self.points = points if is_distinct else distinct(points)
-        self._tree = Tree(self.points)
+        points = points if is_distinct else distinct(points)
+        self.points = np.require(points, requirements=("C", "W"))
+        self._tree = Tree(self.points, in_place=True)
+        self.rows = self._tree.rows
 
     def some(self, size: int) -> Int64:
         """Return the numbers of `size` points, or of a few more, chosen by their coordinates.
@@ -75,13 +80,9 @@ class Neighbourhoods:
         Points that lie the same in a cloud turned or mirrored about z are chosen together.
         """
         if len(self.points) <= size:
-            # In the order of the tree, the points of a range lie close together: that halves the
-            # time.
-            return self._tree.rows.astype(np.int64)
+            return np.arange(len(self.points))
         keys = hashed(turned(self.points))
-        chosen = keys <= np.partition(keys, size - 1)[size - 1]
-        rows: Int64 = self._tree.rows[chosen[self._tree.rows]].astype(np.int64)
-        return rows
+        return np.flatnonzero(keys <= np.partition(keys, size - 1)[size - 1])
 
     def distances(
         self,
@@ -180,7 +181,7 @@ def spacing(points: Float64, progress: Callable[[int], None] | None = None) -> S
     Parameters
     ----------
     points : float64 (N, 3)
-        Coordinates, finite.
+        Coordinates, finite; they may be put in another order, in place.
     progress : callable, optional
         Called with the number of points done, now and then.
     """
@@ -274,6 +275,7 @@ class _Boxes(NamedTuple):
         distance = float(np.median(cloud.distances(cloud.some(_ASKED))))
         if not _SAME * least <= distance <= farthest:
             return None
+        size = size[cloud.rows]
         is_alone = cloud.distances(np.arange(len(size)), nearest=_BESIDE + 1) >= _APART * self.side
         if 2 * np.count_nonzero(is_alone) < len(size):
             return None
@@ -310,7 +312,7 @@ def of_one_look(found: Spacing, looks: Sequence[Float64]) -> Spacing | None:
     """
     rich = [points for points in looks if len(points) >= _FEWEST]
     taken = rich[:: -(-len(rich) // _LOOKS)] if len(rich) > 1 else []
-    each = [one for points in taken if (one := spacing(points)) is not None]
+    each = [one for points in taken if (one := spacing(points.copy())) is not None]
     if not each:
         return None
     points = np.array([len(one.cloud.points) for one in each])

@@ -86,3 +86,14 @@ def test_points_that_must_not_be_written_to_are_taken() -> None:
     points = np.random.default_rng(1).random((50, 3))
     points.flags.writeable = False
     assert not Tree(points).nearest(points, 1)[0].any()
+
+
+def test_points_put_into_the_order_of_the_tree_are_numbered_by_their_places() -> None:
+    points = np.random.default_rng(1).random((500, 3))
+    given = points.copy()
+    tree = Tree(points, in_place=True)
+    assert np.array_equal(points, given[tree.rows])
+    distances, places = tree.nearest(given, 5)
+    expected, rows = Tree(given).nearest(given, 5)
+    assert np.array_equal(distances, expected)
+    assert np.array_equal(tree.rows[places], rows)
