@@ -56,11 +56,11 @@ class ConfigError(UsageError):
 _ARGUMENTS = (
     *("add_param", "columns", "crop", "crs", "crs_offset", "cumulative", "end", "every"),
     *("extrinsic", "features", "field_of_view", "filled", "flying_height", "frame", "free_space"),
-    *("grid", "headroom", "holes", "jobs", "latest", "legs", "level", "max_slope", "memory"),
-    *("origin", "outliers", "overwrite", "pose_gap", "pose_topic", "range", "reference", "route"),
-    *("route_height", "salt_pepper", "scene", "scheduler", "scratch", "section", "seed", "seeds"),
-    *("sigma", "scale", "size", "sizes", "slope", "start", "step", "survey", "time_source"),
-    *("resume", "topic", "transform", "up", "within"),
+    *("grid", "headroom", "holes", "jobs", "keep_points", "latest", "legs", "level", "max_slope"),
+    *("memory", "origin", "outliers", "overwrite", "pose_gap", "pose_topic", "range"),
+    *("reference", "resume", "route", "route_height", "salt_pepper", "scene", "scheduler"),
+    *("scratch", "section", "seed", "seeds", "sigma", "scale", "size", "sizes", "slope", "start"),
+    *("step", "survey", "time_source", "topic", "transform", "up", "within"),
 )
 OPTIONS = {name: f"--{name.replace('_', '-')}" for name in _ARGUMENTS}
 OPTIONS |= {"kind": "--format", "most": "--views", "sets": "--set", "type_": "--type"}

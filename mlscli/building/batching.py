@@ -32,6 +32,8 @@ class BatchGatherer:
         Side of a cell, in the unit of the recording.
     report : Report
         Receives the numbers of points read and dropped, and of batches.
+    route : float64 (K, 4), optional
+        That of keyframes before the first.
 
     Attributes
     ----------
@@ -39,8 +41,10 @@ class BatchGatherer:
         Number of keyframes in batches.
     """
 
-    def __init__(self, min_points: int, cell_size: float, report: Report) -> None:
-        self.keyframes = 0
+    def __init__(
+        self, min_points: int, cell_size: float, report: Report, route: Float64 | None = None
+    ) -> None:
+        self.keyframes = 0 if route is None else len(route)
         self._min_points = min_points
         self._cell_size = cell_size
         self._report = report
@@ -48,8 +52,8 @@ class BatchGatherer:
         self._waiting_points = 0
         self._batches: list[Points] = []
         # Rows of the route, with room for more; and how many there are, and were taken.
-        self._route = np.empty((0, 4))
-        self._rows = self._rows_taken = 0
+        self._route = np.empty((0, 4)) if route is None else route.copy()
+        self._rows = self._rows_taken = self.keyframes
 
     def add(self, keyframe: Keyframe) -> bool:
         """Take a keyframe, and return whether enough points wait for a batch."""

@@ -17,6 +17,7 @@ from mlscli.building.identity import identity
 from mlscli.building.sizes import fit_sizes
 from mlscli.errors import InputError, expect
 from mlscli.io.reading.recording import Recording, open_recording
+from mlscli.keyframes.kept import KeptPoints, PointKeeper
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import Parameters
@@ -39,10 +40,13 @@ class Build(NamedTuple):
         The map, with its route and meta.
     report : Report
         What became of the points, and where the time went.
+    points : KeptPoints or None
+        Its points, if they are to be kept.
     """
 
     surface: SurfaceMap
     report: Report
+    points: KeptPoints | None = None
 
 
 def build(
@@ -53,6 +57,8 @@ def build(
     jobs: int | None = None,
     scheduler: str | Cluster | None = None,
     checkpoint: Checkpoint | None = None,
+    *,
+    keep_points: bool = False,
 ) -> Build:
     """Build the map of a recording.
 
@@ -73,6 +79,9 @@ def build(
         ``tcp://host:port``, or ``local`` for a cluster on this machine. The map is the same.
     checkpoint : Checkpoint, optional
         Keep the tiles that were evaluated, or go on from those of an interrupted build.
+    keep_points : bool
+        Whether the points are returned, too, so that others can be added as if both recordings had
+        been one; see `mlscli.building.onto`.
 
     Returns
     -------
@@ -95,7 +104,16 @@ def build(
     if isinstance(scheduler, str):
         # If nothing answers there, that shows before anything is read.
         with connected(scheduler) as cluster:
-            return build(source, parameters, progress, follow, jobs, cluster, checkpoint)
+            return build(
+                source,
+                parameters,
+                progress,
+                follow,
+                jobs,
+                cluster,
+                checkpoint,
+                keep_points=keep_points,
+            )
     recording = _opened(source)
     georeference = recording.georeference
     if checkpoint is not None:
@@ -124,12 +142,18 @@ def build(
         checkpoint=checkpoint,
     )
     builder.report.add(reading)
+    keeper = PointKeeper() if keep_points else None
+    if keeper is not None:
+        held = keeper.watch(read(recording, builder.report, progress) if held is None else held)
     sights = parameters.map.free_space
     feed(builder, recording, progress, held, follows_sights=sights, checkpoint=checkpoint)
     surface = builder.finish()
     if not surface.size:
         raise InputError(emptied(recording, builder.report))
-    return Build(surface, builder.report)
+    kept = None
+    if keeper is not None:
+        kept = keeper.kept(recording.tally.points_read, recording.tally.dropped)
+    return Build(surface, builder.report, kept)
 
 
 def _opened(source: Recording | str | os.PathLike[str] | Array) -> Recording:

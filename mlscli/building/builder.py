@@ -63,6 +63,8 @@ class MapBuilder:
         The turn by which points as recorded came into the map frame, for the map's meta.
     georeference : Georeference, optional
         Where the frame of the recording lies on Earth, for the map's meta.
+    start : SurfaceMap, optional
+        In the sequential mode, the map to go on from: its route and free space come first.
     progress : callable, optional
         As for `build`.
     follow : callable, optional
@@ -105,6 +107,7 @@ class MapBuilder:
         reading: Mapping[str, Any] | None = None,
         turn: Float64 | None = None,
         georeference: Georeference | None = None,
+        start: SurfaceMap | None = None,
         progress: Progress | None = None,
         follow: Follower | None = None,
         jobs: int | None = None,
@@ -116,6 +119,9 @@ class MapBuilder:
         expect_items(sources, "sources", "a list of texts")
         expect(reading, (Mapping, NoneType), "reading", "a mapping of options")
         expect(turn, (np.ndarray, NoneType), "turn", "an array (4, 4)")
+        expect(start, (SurfaceMap, NoneType), "start", "a map (SurfaceMap)")
+        if start is not None and parameters.mode != "sequential":
+            raise UsageError("`start`: a map grows on in the sequential mode; set mode=sequential")
         expect(georeference, (Georeference, NoneType), "georeference", "a Georeference")
         expect(progress, (Callable, NoneType), "progress", "a function")
         expect(follow, (Callable, NoneType), "follow", "a function")
@@ -134,8 +140,14 @@ class MapBuilder:
         self._checkpoint = checkpoint
         self._pipeline = Pipeline(parameters, frame_id, self.report)
         self.parameters = self._pipeline.parameters
+        if start is not None:
+            self._pipeline.grid.require_same(start.grid)
+        self._start = start
         self._gatherer = BatchGatherer(
-            parameters.batch.min_points, self._pipeline.cell_size, self.report
+            parameters.batch.min_points,
+            self._pipeline.cell_size,
+            self.report,
+            None if start is None else start.route,
         )
         # Those of a map made at once; a growing map has its own.
         self._counts = self._pipeline.line_counts()
@@ -263,7 +275,7 @@ class MapBuilder:
 
     def _growing_map(self) -> GrowingMap:
         if self._growing is None:
-            self._growing = growing_map(self._pipeline)
+            self._growing = growing_map(self._pipeline, self._start)
         return self._growing
 
     def _described(self, surface: SurfaceMap) -> SurfaceMap:
@@ -274,6 +286,8 @@ class MapBuilder:
         )  # fmt: skip
         counts = self._counts if self._growing is None else self._growing.line_counts()
         free = free_space(counts, self.report)
+        if self._start is not None:
+            free = free and self._start.free and self._start.free.union(free)
         return replace(surface, route=self._gatherer.route.copy(), meta=meta, free=free)
 
 
@@ -296,13 +310,20 @@ def _all(points: Points, cells: CellSet) -> Points:  # noqa: ARG001
     return points
 
 
-def growing_map(pipeline: Pipeline) -> GrowingMap:
-    """Return an empty growing map, its kernels loaded: no batch is charged with that time."""
+def growing_map(pipeline: Pipeline, start: SurfaceMap | None = None) -> GrowingMap:
+    """Return a growing map, its kernels loaded: no batch is charged with that time.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    start : SurfaceMap, optional
+        In the sequential mode, the map to go on from; by default it is empty.
+    """
     kind = SequentialMap if pipeline.parameters.mode == "sequential" else ConsistentMap
     trial = pipeline.reporting_to(Report())
     # Two points: arrays of one have another layout, for which kernels would be compiled anew.
     kind(trial).grow(gather([Keyframe(np.zeros((2, 3)))]).points)
-    return kind(pipeline)
+    return kind(pipeline) if start is None else SequentialMap(pipeline, start)
 
 
 def map_meta(

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mlscli.building.build import Build
     from mlscli.building.builder import Follower
     from mlscli.building.large import LargeBuild
+    from mlscli.building.onto import Earlier
     from mlscli.maps.change import Change
     from mlscli.pipeline.parameters import Parameters
     from mlscli.pipeline.report import Report
@@ -117,6 +118,19 @@ _NO_MAPS = (
     help="Write the map as it grew, too: an MCAP file for Lichtblick, Foxglove and RViz, with the "
     "recording's times.",
 )
+@click.option(
+    "--keep-points",
+    is_flag=True,
+    help="Keep the points in the map's file, too, 24 bytes each, so that --onto can add a flight "
+    "as if both had been built together.",
+)
+@click.option(
+    "--onto",
+    metavar="MAP",
+    help="Add the recording to this map, with its parameters: bit for bit as if both had been "
+    "built together, if it was built with --keep-points, else batch by batch, as the sequential "
+    "mode merges.",
+)
 @configured
 @reading
 @georeferenced
@@ -135,6 +149,8 @@ def command(
     checkpoint_every: float | None,
     resume: bool,
     replay: str | None,
+    keep_points: bool,
+    onto: str | None,
     config: str | None,
     settings: tuple[str, ...],
     overwrite: bool,
@@ -145,8 +161,9 @@ def command(
 
     Can be read, recognised by content: FORMATS. Several SOURCEs are read in turn, as one flight.
     """
-    from mlscli.building.build import build
+    from mlscli.building.build import Build, build
     from mlscli.building.large import build_large
+    from mlscli.building.onto import build_onto, parameters_of
     from mlscli.building.sizes import given_size_doubts
     from mlscli.config import load
     from mlscli.io.reading.recording import open_recording
@@ -156,9 +173,19 @@ def command(
     from mlscli.pipeline.tilewise.checkpoint import Checkpoint, folder_of
 
     begin = time.perf_counter()
-    parameters = load(config, settings)
+    _check_kept(
+        {"--onto": onto, "--keep-points": keep_points or None},
+        {"--memory": memory, "--dry-run": dry_run or None, "--resume": resume or None}
+        | {"--checkpoint-every": checkpoint_every},
+        {"--scheduler": scheduler, "--replay": replay} if onto is not None else {},
+    )
     if free_space:
-        parameters = parameters.with_free_space()
+        settings = (*settings, "map.free_space=true")
+    earlier = None if onto is None else _earlier(onto)
+    if earlier is None:
+        parameters = load(config, settings)
+    else:
+        parameters = parameters_of(earlier, config, settings)
     _check_together(parameters, growing or replay is not None, jobs, scheduler, memory, scratch)
     keeps = resume or checkpoint_every is not None
     if keeps and jobs is None and scheduler is None and memory is None:
@@ -170,7 +197,7 @@ def command(
     target = output or default_output(sources[0])
     if Path(target).suffix.lower() in _NO_MAPS:
         raise UsageError(f"{target}: a map is a .npz file; mls export makes others of it")
-    inputs = [*sources, *files_named(selection), *filter(None, (config,))]
+    inputs = [*sources, *files_named(selection), *filter(None, (config, onto))]
     refuse_existing(target, overwrite=overwrite, sources=inputs)
     if replay is not None:
         if is_same(replay, target):
@@ -199,8 +226,21 @@ def command(
             played = stack.enter_context(open_replay(replay, overwrite=overwrite))
             follow = played.follow
         built: Build | LargeBuild
-        if memory is None:
-            built = build(recording, parameters, progress, follow, jobs, scheduler, checkpoint)
+        if earlier is not None:
+            built = build_onto(
+                earlier, recording, parameters, progress, follow, jobs, keep_points=keep_points
+            )
+        elif memory is None:
+            built = build(
+                recording,
+                parameters,
+                progress,
+                follow,
+                jobs,
+                scheduler,
+                checkpoint,
+                keep_points=keep_points,
+            )
         else:
             large = build_large(
                 recording,
@@ -214,12 +254,15 @@ def command(
             )
             built = stack.enter_context(large)
         with built.report.timed("writing"):
-            write_map(target, built.surface, overwrite=overwrite)
+            points = built.points if isinstance(built, Build) else None
+            write_map(target, built.surface, points=points, overwrite=overwrite)
         if checkpoint is not None:
             checkpoint.clear()
         if replay is not None and isinstance(built.surface, SurfaceMap):
             played.finish(built.surface)
         account = _account(target, built, parameters, recording.losses)
+        account |= {} if earlier is None else {"onto": earlier.how}
+        account |= {} if points is None else {"points_kept": len(points.xyz)}
     for note in recording.notes:
         if note not in notes:
             say(f"mls: {note}")
@@ -247,6 +290,22 @@ def default_output(source: str) -> str:
     path = Path(source).resolve()
     # A folder's name has no ending to take off.
     return f"{path.name if path.is_dir() else path.stem}.npz"
+
+
+def _check_kept(*options: dict[str, object]) -> None:
+    """Refuse --onto and --keep-points with what they do not go with, by the options' values."""
+    given = [name for name, value in options[0].items() if value is not None]
+    for name, value in {**options[1], **options[2]}.items():
+        if given and value is not None:
+            raise UsageError(f"{given[0]}: does not go with {name}; leave one of them out")
+
+
+def _earlier(file: str) -> Earlier:
+    """Read a map to build onto, with its points, if they were kept."""
+    from mlscli.building.onto import Earlier
+    from mlscli.io.writing.npz import read_map, read_points
+
+    return Earlier(file, read_map(file), read_points(file))
 
 
 def _check_together(
@@ -336,6 +395,11 @@ def _pace_row(pace: dict[str, float | None] | None) -> str:
     return f"slowest batch {slowest:.3g} s; {own}"
 
 
+def _kept(account: dict[str, Any]) -> str:
+    count = account.get("points_kept")
+    return "" if count is None else f"{some(count, 'point')}, for --onto"
+
+
 def _text(account: dict[str, Any], parameters: Parameters) -> str:
     points, seconds = account["points"], dict(account["seconds"])
     dropped = [f"{count:,} dropped ({reason})" for reason, count in points["dropped"].items()]
@@ -348,6 +412,8 @@ def _text(account: dict[str, Any], parameters: Parameters) -> str:
             f"{points['read']:,} read: " + ", ".join([f"{points['kept']:,} kept", *dropped]),
         ),
         ("keyframes", f"{account['keyframes']:,} in {batches}, {account['mode']}"),
+        ("onto", account.get("onto", "")),
+        ("kept", _kept(account)),
         *report.map_rows(account, account["sizes"]),
         ("noise", account["sizes"].get("noise", "")),
         ("vehicle", report.craft(parameters.vehicle, account["cell_size"])),

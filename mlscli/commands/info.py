@@ -193,6 +193,7 @@ def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
         ("keyframes", f"{result['keyframes']:,} in {_some_batches(batches)}"),
         ("turned", "" if result["up"] == "z" else f"what was {result['up']} is up"),
         ("points", report.counts({n: c for n, c in points.items() if isinstance(c, int)})),
+        ("onto", _onto(meta.get("onto"))),
         ("sources", ", ".join(map(str, sources)) if isinstance(sources, list) else ""),
         ("read with", _settings(_mapping(meta.get("reading")))),
         ("made by", str(meta.get("program", ""))),
@@ -202,6 +203,11 @@ def _map_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _mapping(value: object) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
+
+
+def _onto(steps: object) -> str:
+    told = [_mapping(step) for step in steps] if isinstance(steps, list) else []
+    return ", ".join(f"{step.get('map')}, by its {step.get('by')}" for step in told)
 
 
 def _some_batches(count: object) -> str:

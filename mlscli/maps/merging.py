@@ -63,7 +63,7 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
     expect(one, SurfaceMap, "one", "a map (SurfaceMap)")
     expect(other, SurfaceMap, "other", "a map (SurfaceMap)")
     one.grid.require_same(other.grid)
-    _require_same_frame(one, other)
+    require_same_frame(one.frame_id, one.meta, other.frame_id, other.meta)
     shift = np.where(other.origin == MEASURED, len(one.route), 0).astype(np.int32)
     other = replace(
         other,
@@ -83,7 +83,7 @@ def merge_maps(one: SurfaceMap, other: SurfaceMap) -> SurfaceMap:
         region=np.full(merged.size, -1, dtype=np.int32),
         route=np.concatenate((one.route, other.route)),
         free=one.free and other.free and one.free.union(other.free),
-        meta=_meta_of_both(one.meta, other.meta),
+        meta=meta_of_both(one.meta, other.meta),
     )
 
 
@@ -115,7 +115,7 @@ def merge_all(surfaces: Sequence[SurfaceMap]) -> SurfaceMap:
     return reduce(merge_maps, surfaces)
 
 
-def _meta_of_both(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+def meta_of_both(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
     """Return the meta of two flights as that of one."""
     # The turns are known to agree but for a rounding.
     both = {name: value for name, value in one.items() if name == TURN or other.get(name) == value}
@@ -140,12 +140,19 @@ def _together(one: Any, other: Any) -> Any:
     return None
 
 
-def _require_same_frame(one: SurfaceMap, other: SurfaceMap) -> None:
-    if one.frame_id != other.frame_id:
-        raise UsageError(
-            f"maps of different frames do not go together: {one.frame_id!r} and {other.frame_id!r}"
-        )
-    apart = turns_apart(one.meta, other.meta)
+def require_same_frame(
+    frame: str, meta: Mapping[str, Any], other: str, other_meta: Mapping[str, Any]
+) -> None:
+    """Refuse maps that do not lie in one frame, by the names of their frames and their meta.
+
+    Raises
+    ------
+    InputError, UsageError
+        As `merge_maps`.
+    """
+    if frame != other:
+        raise UsageError(f"maps of different frames do not go together: {frame!r} and {other!r}")
+    apart = turns_apart(meta, other_meta)
     if apart is not None:
         raise UsageError(
             f"maps that were turned in different ways do not go together: their {TURN} differ by "

@@ -152,11 +152,19 @@ class SequentialMap:
 
     Each stage reads the map as the stage before left it, and replaces the cells within its reach of
     the new patches. Of sight lines, those of the batch count.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+    start : SurfaceMap, optional
+        The map to go on from, on the grid of the pipeline.
     """
 
-    def __init__(self, pipeline: Pipeline) -> None:
+    def __init__(self, pipeline: Pipeline, start: SurfaceMap | None = None) -> None:
         self._pipeline = pipeline
         self._map = KeptMap(pipeline.grid)
+        if start is not None and start.size:
+            self._map.replace(CellSet.of(start.ix, start.iy), start)
         self._counts = pipeline.line_counts()
         self._reaches = reaches(pipeline)
 

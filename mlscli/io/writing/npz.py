@@ -2,7 +2,7 @@
 
 Version 1 had no array `moved`. It is read as well: which patches were moved follows from the rest.
 Version 2 had no `noise`, which then is not known. Arrays of free space, with names that begin with
-``free_``, are there only if they were asked for.
+``free_``, are there only if they were asked for; so are those of kept points, ``points_``.
 
 The arrays are stored without compression, each with a fixed date, so that equal maps from equal
 sources make equal files. A reader trusts nothing: names, types, shapes and sizes are checked
@@ -28,6 +28,7 @@ from mlscli.errors import InputError, MlsError, expect, expect_path, one_line
 from mlscli.io.files import expect_file, open_input
 from mlscli.io.unpacking import excess, most_unpacked
 from mlscli.io.writing.atomic import atomic_write
+from mlscli.keyframes.kept import KeptPoints
 from mlscli.maps.columns import COLUMNS
 from mlscli.maps.free_space import FREE_COLUMNS, FreeSpace
 from mlscli.maps.grid import LENGTHS
@@ -52,9 +53,21 @@ _DAMAGED = (ValueError, EOFError, RuntimeError, zlib.error, lzma.LZMAError)
 
 
 def write_map(
-    path: str | os.PathLike[str], surface: SurfaceMap | StoredMap, *, overwrite: bool = False
+    path: str | os.PathLike[str],
+    surface: SurfaceMap | StoredMap,
+    *,
+    points: KeptPoints | None = None,
+    overwrite: bool = False,
 ) -> None:
     """Write a map, whole or not at all; a `StoredMap` is written part by part.
+
+    Parameters
+    ----------
+    path
+    surface : SurfaceMap or StoredMap
+    points : KeptPoints, optional
+        The points of which it was made, to be kept beside it.
+    overwrite : bool
 
     Raises
     ------
@@ -83,6 +96,10 @@ def write_map(
         write("meta", json.dumps(surface.meta, ensure_ascii=False, allow_nan=False))
         for name, column in surface.free.columns.items() if surface.free is not None else ():
             write(f"free_{name}", column)
+        if points is not None:
+            write("points_xyz", points.xyz)
+            write("points_sizes", points.sizes)
+            write("points_account", json.dumps([points.read, dict(points.dropped)]))
 
 
 def array_member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
@@ -148,6 +165,35 @@ def read_map(path: str | os.PathLike[str]) -> SurfaceMap:
             surface = replace(surface, moved=surface.beyond_points().astype(np.uint8))
         surface.check()
     return surface
+
+
+def read_points(path: str | os.PathLike[str]) -> KeptPoints | None:
+    """Read the points that were kept beside a map; None where there are none.
+
+    Raises
+    ------
+    InputError
+        As `read_map`; also where they are not those of the map's keyframes.
+    """
+    source = Path(path)
+    with _reading(source), open_input(source) as file, zipfile.ZipFile(file) as archive:
+        members = _Members(archive)
+        if not members.has("points_xyz"):
+            return None
+        keyframes = members.shape("route")[:1]
+        sizes: Any = members.array("points_sizes", np.int64, keyframes)
+        xyz: Any = members.array("points_xyz", np.float64, (*members.shape("points_xyz")[:1], 3))
+        # In whole numbers of Python, which do not overflow.
+        if (sizes < 0).any() or sum(sizes.tolist()) != len(xyz):
+            raise InputError(
+                f"points_sizes: holds {sum(sizes.tolist()):,} points; points_xyz has {len(xyz):,}"
+            )
+        try:
+            read, dropped = json.loads(members.text("points_account"))
+            dropped = {str(reason): int(count) for reason, count in dropped.items()}
+            return KeptPoints(xyz, sizes, int(read), dropped)
+        except (TypeError, AttributeError):
+            raise InputError("points_account: holds no counts of points") from None
 
 
 def _free_space(members: _Members) -> FreeSpace | None:
