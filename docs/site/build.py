@@ -2,12 +2,14 @@
 
 Pages are those of docs/, the README, the benchmarks', CONTRIBUTING.md, SECURITY.md and
 CHANGELOG.md, where they are, and the notebook, which is run for it; the reference is made from the
-code: commands and their options, parameters, and the public names of the package. A warning ends it
-with an error, as of a link or an anchor that leads nowhere.
+code: commands and their options, parameters, the public names of the package; and from
+docs/results.yaml: what `--json` prints. A warning ends it with an error, as of a link or an anchor
+that leads nowhere.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 import tempfile
@@ -16,6 +18,7 @@ from pathlib import Path
 
 import click
 
+from docs.site import results
 from docs.site.notebook import NOTEBOOK, page
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,7 +53,12 @@ CHAPTERS = {
         "docs/scoring",
         "docs/commands",
     ),
-    "Reference": ("reference/commands", "reference/parameters", "reference/python"),
+    "Reference": (
+        "reference/commands",
+        "reference/parameters",
+        "reference/results",
+        "reference/python",
+    ),
     "How it works": (
         "docs/map",
         "docs/stages",
@@ -157,6 +165,7 @@ def gather(source: Path) -> None:
     reference.mkdir()
     (reference / "commands.md").write_text(commands(), encoding="utf-8")
     (reference / "parameters.md").write_text(parameters(), encoding="utf-8")
+    (reference / "results.md").write_text(results.page(), encoding="utf-8")
     (reference / "python.rst").write_text(python(), encoding="utf-8")
 
 
@@ -169,7 +178,13 @@ def build(out: Path) -> int:
         gather(source)
         configuration = Path(__file__).parent
         options = ["-q", "-W", "--keep-going", "-c", str(configuration), "-d", f"{name}/.doctrees"]
-        return build_main(["-b", "html", *options, name, str(out)])
+        status = build_main(["-b", "html", *options, name, str(out)])
+    schemas = out / "reference/results"
+    schemas.mkdir(parents=True, exist_ok=True)
+    for each in results.names():
+        text = json.dumps(results.schema(each), indent=2)
+        (schemas / f"{each}.schema.json").write_text(f"{text}\n", encoding="utf-8")
+    return status
 
 
 if __name__ == "__main__":
