@@ -24,7 +24,7 @@ def median(
     min_share: float = 0.0,
     layer_share: float = 0.0,
 ) -> list[tuple[Point, int]]:
-    rows = [tuple(row) for row in points.xyz.tolist()]
+    rows = [(x, y, z) for x, y, z in points.xyz.tolist()]
 
     def neighbours(i: int, z: float) -> list[float]:
         """Return the heights that count for point i if it were at height z."""
@@ -55,7 +55,7 @@ def median(
                 for far in (nb_radius, level / 2)
             )
             thin = [each[0] * len(each) < layer_share * each.total() for each in (layers, close)]
-            if thin[0] and (thin[1] or close[0] < 3):
+            if thin[0] and (thin[1] or close[0] < 3) and not of_pole(rows, i, z, nb_radius, level):
                 continue
         heights = sorted([z, *neighbours(i, z)])
         middle = heights[len(heights) // 2]
@@ -66,13 +66,34 @@ def median(
     return result
 
 
+def of_pole(rows: list[Point], i: int, z: float, nb_radius: float, level: float) -> bool:
+    """Return whether point i, as if it were at height z, is of a pole."""
+    offsets = [(ox - rows[i][0], oy - rows[i][1], oz - z) for ox, oy, oz in rows]
+    flat = [(dx * dx + dy * dy, dz) for dx, dy, dz in offsets]
+    column = [dz for d, dz in flat if d <= min(level / 2, nb_radius) ** 2]
+    close = sum(abs(dz) <= 2 * level for dz in column)
+    beside = sum(
+        abs(dz) <= 2 * level for d, dz in flat if (1.5 * level) ** 2 < d <= nb_radius * nb_radius
+    )
+    layers = {min(max(round(dz / (2 * level)), -31), 31) for dz in column}
+    above = next(n for n in range(33) if n + 1 not in layers)
+    below = next(n for n in range(33) if -n - 1 not in layers)
+    return close >= 3 and beside <= min(24, close / 2) and above + below >= 2
+
+
 def along_slope(
-    points: Points, nb_radius: float, max_nb: int, max_slope: float
+    points: Points,
+    nb_radius: float,
+    max_nb: int,
+    max_slope: float,
+    level: float = 0.0,
 ) -> list[float | None]:
     """Return the median heights of points along the slopes of their neighbours.
 
-    None: it is a matter of rounding whether they lie on a slope.
+    With `level`, points of poles keep their height where their neighbours leave open whether they
+    are upright. None: it is a matter of rounding whether they lie on a slope.
     """
+    rows = [(x, y, z) for x, y, z in points.xyz.tolist()]
     heights: list[float | None] = []
     for i, place in enumerate(points.xyz):
         offsets = np.delete(points.xyz, i, axis=0) - place
@@ -89,9 +110,11 @@ def along_slope(
         slope = np.linalg.lstsq(np.column_stack((x, y)), z, rcond=None)[0]
         scatter = np.var(z - slope @ (x, y), ddof=1)
         steep, upright = np.hypot(*slope) - max_slope, scatter - 2 * on_line[0]
-        if abs(steep) < 1e-3 or abs(upright) < 1e-3 * on_line[0]:
+        margin, unsure = 1e-3 * on_line[0], scatter - 0.5 * on_line[0]
+        pole = unsure > -margin and level > 0 and of_pole(rows, i, rows[i][2], nb_radius, level)
+        if abs(steep) < 1e-3 or abs(upright) < margin or (pole and unsure < margin):
             heights.append(None)
-        elif steep > 0 or upright > 0:
+        elif steep > 0 or upright > 0 or pole:
             heights.append(float(place[2]))
         else:
             carried = all_of_them[:, 2] - all_of_them[:, :2] @ slope

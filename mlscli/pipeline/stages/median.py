@@ -22,20 +22,21 @@ the point itself in the middle of its own: into layer ``rint(dz / (2 * level))``
 into the 31st, up and down. The point is kept if its layer holds, itself counted, at least that
 share of what those that hold any hold in the mean. Outliers have all heights: each is alone in a
 layer beside those of surfaces that were seen well. So it is if its layer is no thinner among what
-stands close about it, as along a pole (`mlscli.pipeline.stages.layers`).
+stands close about it, as along a pole, or if it is of a pole (`mlscli.pipeline.stages.layers`).
 
 With `max_slope`, heights are compared along the slope on which the neighbours lie (see
 `mlscli.pipeline.stages.slope`); those at the distance of the last that counts count as well. Where
 they lie on no slope up to that one, along walls, trunks and poles, the point keeps its height: a
-median would move the ends of what is upright towards its middle.
+median would move the ends of what is upright towards its middle. With `layer_share`, it does so,
+too, if they leave open whether they are upright and it is of a pole.
 
 With `across`, it is moved sideways instead, across the wall: by the median of where the nearest of
 its neighbours lie, as `mlscli.pipeline.stages.upright` says, if that is no farther. Only points of
 which it is known how they err are moved: depths that err displace points sideways, too.
 
-Points that lie close together share one search: all candidates are collected once. Where only the
-nearest count, the search begins somewhat beyond the mean reach of the last points' neighbours: even
-in a dense cloud, each point is compared with few others. Points that coincide have one result.
+Points that lie close together share one search, and have one result if they coincide. Where only
+the nearest count, it begins somewhat beyond the mean reach of the last points' neighbours: even in
+a dense cloud, each point is compared with few others.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ from mlscli.keyframes.batches import Points
 from mlscli.maps.cells import on_grid
 from mlscli.parameters.fields import parameter
 from mlscli.parameters.lengths import Cells, Length, in_units, whole_cells
-from mlscli.pipeline.stages.layers import stands_out
+from mlscli.pipeline.stages.layers import is_pole, stands_out
 from mlscli.pipeline.stages.nearest import (
     HEIGHT,
     ROOM,
@@ -382,8 +383,7 @@ def _filter_together(
                 if moves_on:
                     moves[point, 0], moves[point, 1] = moves[twin, 0], moves[twin, 1]
                 continue
-        new, farthest, error, done = np.nan, 0.0, np.nan, i
-        x, y = xyz[i, 0], xyz[i, 1]
+        new, farthest, error, done, x, y = np.nan, 0.0, np.nan, i, xyz[i, 0], xyz[i, 1]
         for again in (False, True):
             there, there_size, itself = near, size, own + i - first
             if cut and not low <= z <= high:
@@ -404,7 +404,11 @@ def _filter_together(
                 if not stands_out(grid, around, i, rule.radius, rule.level, rule.layer_share):
                     break
             if rule.max_slope > 0.0:
-                n, across = carry(there, there_size, (x, y, z), limit, radius, rule.max_slope)
+                place = x, y, z
+                n, across, unsure = carry(there, there_size, place, limit, radius, rule.max_slope)
+                if unsure and rule.layer_share > 0.0:
+                    farthest = radius * radius
+                    n = -1 if is_pole(grid, around, i, z, radius, rule.level) else n
                 error = -across
                 if moves_on:
                     dx, dy = 0.0, 0.0

@@ -25,6 +25,8 @@ _STEPS = 2.0**15
 _FEWEST = 4
 # An upright surface is taken where it explains the points so much better, in variances.
 _UPRIGHT = 2.0
+# From here on it may be an upright one, of which the neighbours show too little.
+_UNSURE = 0.5
 
 
 @inner
@@ -35,7 +37,7 @@ def carry(
     limit: float,
     radius: float,
     steepest: float,
-) -> tuple[int, float]:
+) -> tuple[int, float, bool]:
     """Carry the heights of a point's neighbours along their slope to the point's x and y.
 
     All points at squared distances of at most `limit` are neighbours.
@@ -61,6 +63,9 @@ def carry(
     across : float
         Where they stand upright, the variance of their places about a line, seen from above: noise
         that the point's height has, too. Otherwise NaN.
+    unsure : bool
+        Whether they lie on a slope, and yet the variance of their heights about it is at least half
+        of that of their places about a line.
     """
     xs, ys, zs, squared, heights = near[0], near[1], near[2], near[SQUARED], near[HEIGHT]
     x, y, z = place
@@ -71,7 +76,7 @@ def carry(
         heights[n] = j
         n += squared[j] <= limit
     if n < _FEWEST:
-        return -1, np.nan
+        return -1, np.nan, False
     sx = sy = sz = xx = yy = zz = xy = xz = yz = 0.0
     for i in range(n):
         j = int(heights[i])
@@ -90,13 +95,13 @@ def carry(
     across = ((xx + yy) - np.sqrt((xx - yy) * (xx - yy) + 4.0 * (xy * xy))) / 2.0
     determinant = xx * yy - xy * xy
     if not determinant > 0.0:
-        return -1, np.nan
+        return -1, np.nan, False
     along_x = (xz * yy - yz * xy) / determinant
     along_y = (yz * xx - xz * xy) / determinant
     scatter = zz - (along_x * xz + along_y * yz)
     if _UPRIGHT * across <= scatter or along_x * along_x + along_y * along_y > steepest * steepest:
-        return -1, max(0.0, across) / (several * several * steps * steps)
+        return -1, max(0.0, across) / (several * several * steps * steps), False
     for i in range(n):
         j = int(heights[i])
         heights[i] = zs[j] - (along_x * (xs[j] - x) + along_y * (ys[j] - y))
-    return n, np.nan
+    return n, np.nan, bool(_UNSURE * across <= scatter)

@@ -130,6 +130,61 @@ def test_a_short_pole_over_a_floor_that_was_seen_well_stays_to_its_end(sideways:
     assert kept[~of_pole, 2].max() < 0.32
 
 
+def poles_over_a_floor(rng: np.random.Generator, rings: int) -> Points:
+    """Return poles of rings of so many points, and an outlier beside every second, over a floor."""
+    parts = [np.c_[rng.uniform(-2, 2, (60, 2)), rng.normal(0, 0.03, 60)]]
+    for x, y, apart in rng.uniform((-2, -2, 0.05), (2, 2, 0.3), (5, 3)):
+        z = np.repeat(np.arange(0.1, rng.uniform(0.5, 2), apart), rings)
+        angle = 2 * np.pi / rings * np.arange(z.size)
+        wide = rng.uniform(0, 0.2) if rings > 1 else 0.0
+        parts.append(np.c_[x + wide * np.cos(angle), y + wide * np.sin(angle), z])
+    xyz = np.concatenate((*parts, rng.uniform((-2, -2, 0), 2, (6, 3))))
+    return Points.of(xyz, np.zeros(len(xyz), dtype=np.int32))
+
+
+def test_ends_of_lines_of_points_stay_as_the_rule_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(15)
+    clouds = [poles_over_a_floor(rng, 1) for _ in range(20)]
+    rule = 0.9, 24, 4, 0.225, 0.225, 0.4
+    expected = [references.median(points, *rule, 0.6) for points in clouds]
+    for points, each in zip(clouds, expected, strict=True):
+        assert rows(Median(*rule, layer_share=0.6).apply(points, 0.3)) == each
+    monkeypatch.setattr(references, "of_pole", lambda *_: False)
+    kept = sum(map(len, expected)) - sum(len(references.median(c, *rule, 0.6)) for c in clouds)
+    assert kept > 50
+
+
+def test_ends_of_poles_of_many_points_keep_their_heights_as_the_rule_says() -> None:
+    rng = np.random.default_rng(16)
+    stays = unsure = 0
+    for _ in range(2):
+        points = poles_over_a_floor(rng, 9)
+        stage = Median(0.9, 24, 0, level=0.225, max_slope=2.0, layer_share=0.3)
+        got = stage.apply(points, 0.3).xyz[:, 2]
+        without = replace(stage, layer_share=0.0).apply(points, 0.3).xyz[:, 2]
+        for i, height in enumerate(references.along_slope(points, 0.9, 24, 2.0, 0.225)):
+            if height is None:
+                unsure += 1
+                continue
+            assert abs(got[i] - height) < 1e-3
+            stays += abs(without[i] - height) > 0.01
+    assert stays > 10
+    assert unsure < 10
+
+
+@pytest.mark.parametrize(("rings", "apart"), [(1, 0.06), (1, 0.08), (9, 0.02), (9, 0.04)])
+def test_a_thin_pole_keeps_its_end(rings: int, apart: float) -> None:
+    rng = np.random.default_rng(17)
+    floor = np.c_[rng.uniform(-1, 1, (280, 2)), rng.normal(0, 0.02, 280)]
+    angle = 2 * np.pi / rings * np.arange(rings * 20)
+    wide = apart * rings / (2 * np.pi) if rings > 1 else 0.0
+    z = np.repeat(np.arange(1, 21) * apart, rings)
+    xyz = np.concatenate((floor, np.c_[wide * np.cos(angle), wide * np.sin(angle), z]))
+    stage = Median(Cells(3), 24, 4, Cells(0.75), Cells(0.75), 0.4, 2.0, 0.3)
+    kept = stage.apply(Points.of(xyz, np.zeros(len(xyz), dtype=np.int32)), 0.15).xyz
+    assert kept[:, 2].max() == z[-1]
+
+
 def test_heights_are_compared_along_the_slope_as_the_rule_says() -> None:
     rng = np.random.default_rng(9)
     upright = sloping = unsure = 0
