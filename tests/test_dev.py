@@ -82,7 +82,7 @@ def ci(folder: Path, **programs: str) -> tuple[list[str], str]:
         check=True,
     )
     calls = (folder / "calls").read_text().splitlines()
-    assert calls[-2:] == ["dev test", "dev demo"]
+    assert calls[-3:] == ["dev setup", "dev test", "dev demo"]
     return [call for call in calls if call.startswith("apt-get")], done.stderr
 
 

@@ -1,0 +1,1 @@
+"""What the project is made with: dependencies, pinned, and the list of them for those who audit."""
