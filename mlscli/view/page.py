@@ -28,6 +28,7 @@ from mlscli.queries.clearance import Clearance
 from mlscli.queries.exploration import Exploration
 from mlscli.runtime.arrays import Array, Float64, Int64
 from mlscli.view.colourings import colourings
+from mlscli.view.fitting import COLOURS, STEPS, Beyond, first_craft, seen_runs
 from mlscli.view.layers import Picture, picture
 
 SCRIPTS = (
@@ -42,6 +43,8 @@ SCRIPTS = (
     "flight.js",
     "marks.js",
     "ruler.js",
+    "clearance.js",
+    "craft.js",
     "picture.js",
     "address.js",
     "frame.js",
@@ -178,6 +181,10 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
     upright = surface.depth > 0
     depth = np.where(upright, np.maximum(surface.depth, told), 0.0)
     patches["depth"] = pieces.add_steps(depth, told)
+    beyond = Beyond.of(surface, told)
+    for name, reach in zip(beyond._fields, beyond, strict=True):
+        patches[name] = pieces.add_differences(reach)
+    seen = seen_runs(surface)
     ways = [
         {
             "name": way.name,
@@ -206,6 +213,12 @@ def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, An
         "vertices": vertices,
         "layers": layers,
         "patches": patches,
+        "craft": [round(size, digits) for size in first_craft(surface)],
+        "beyond": cell_size / STEPS,
+        "fitting": {name: list(colour) for name, colour in COLOURS.items()},
+        "seen": None
+        if seen is None
+        else {name: pieces.add_differences(array) for name, array in seen.items()},
     }
     return header, pieces.packed()
 

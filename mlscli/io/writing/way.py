@@ -30,7 +30,7 @@ LINE, PLACES = "/mls/clearance", "/mls/clearance_places"
 
 DOUBTFUL_ORANGE = (240, 130, 20)
 UNSEEN_GREY = (128, 128, 136)
-_TOUCHING, _CLEAR = np.array([(236, 214, 96), (0, 170, 60)])
+TOUCHING, CLEAR = (236, 214, 96), (0, 170, 60)
 
 # How wide the line is drawn, in widths of the craft.
 _WIDTH = 0.1
@@ -84,7 +84,7 @@ def write_way(
 def way_colours(found: Clearance) -> UInt8:
     """Return the colour of each piece, uint8 (N, 3)."""
     share = np.clip(found.distance / found.reach, 0, 1)[:, None]
-    colours: UInt8 = np.rint(_TOUCHING + share * (_CLEAR - _TOUCHING)).astype(np.uint8)
+    colours: UInt8 = np.rint(TOUCHING + share * np.subtract(CLEAR, TOUCHING)).astype(np.uint8)
     for verdict, colour in (
         (NEVER_SEEN, UNSEEN_GREY),
         (DOUBTFUL, DOUBTFUL_ORANGE),

@@ -1,6 +1,7 @@
 // The view, written behind the # of the page's address, so that it can be kept and sent.
 
-function addressOf({ map, camera, state, number }, { flight, layers, colouring, cutting, ruler }) {
+function addressOf({ map, camera, state, number }, parts) {
+  const { flight, layers, colouring, cutting, ruler, craft } = parts;
   let written = "";
 
   return {
@@ -14,6 +15,7 @@ function addressOf({ map, camera, state, number }, { flight, layers, colouring, 
         colour: colour && [colour],
         cut: cutting.words(),
         measure: ruler.places(),
+        fit: craft.words(),
       });
       if (address !== written) history.replaceState(null, "", `#${address}`);
       written = address;
@@ -32,6 +34,7 @@ function addressOf({ map, camera, state, number }, { flight, layers, colouring, 
       colouring.choose(said.get("colour")?.[0] ?? map.colourings[0].name);
       cutting.take(said.get("cut") ?? [""]);
       const ends = numbersOf(said.get("measure"), 6);
+      craft.read(said.get("fit"));
       ruler.set(Boolean(ends), ends ? [local(ends.slice(0, 3)), local(ends.slice(3))] : []);
     },
   };

@@ -26,6 +26,7 @@ async function load() {
   }
   for (const way of header.colourings) way.colour = array(way.colour);
   header.patches = arrays(header.patches, Float64Array);
+  if (header.seen) header.seen = arrays(header.seen);
   header.vertices.patches.position = placesOf(header);
   const { patches, origin } = header;
   patches.height = Float64Array.from(patches.height, (height) => height + origin[2]);

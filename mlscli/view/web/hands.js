@@ -1,6 +1,7 @@
 // Mouse, touch and keys.
 
 const TURN = Math.PI / 36;
+const takesKeys = ({ tagName, type }) => tagName === "SELECT" || type === "number";
 const STILL = 4; // pixels that a finger may move in a click
 
 // Turn, move and zoom the view by hand; `picked` tells the place under the cursor, `clicked` is
@@ -76,7 +77,7 @@ function keysOf({ map, canvas, camera, redraw }, { whole, flight, layers, ...act
     ...acts,
   };
   window.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey || event.target.tagName === "SELECT") return;
+    if (event.ctrlKey || event.altKey || event.metaKey || takesKeys(event.target)) return;
     const layer = map.layers[Number(event.key) - 1];
     const act = keys[event.key] || keys[event.key.toLowerCase()];
     if (layer) layers.click(layer);
@@ -87,6 +88,6 @@ function keysOf({ map, canvas, camera, redraw }, { whole, flight, layers, ...act
   });
   // A button, box or choice that was made must not take the keys that follow.
   document.addEventListener("click", ({ target }) => {
-    if (target.tagName !== "SELECT") document.activeElement.blur();
+    if (!takesKeys(target)) document.activeElement.blur();
   });
 }

@@ -17,6 +17,30 @@ class Marks {
     [pen.lineWidth, pen.textAlign, pen.textBaseline] = [2, "center", "middle"];
   }
 
+  // A way of pieces, each in its colour, and a ring around a place, if there is one.
+  way(camera, places, colours, ring, { ink, paper }) {
+    const { canvas, pen } = this;
+    const at = (place) => camera.project(place, canvas.clientWidth, canvas.clientHeight);
+    const pixels = places.map(at);
+    for (const [wide, colourOf] of [[7, () => paper], [4, (n) => colours[n]]]) {
+      [pen.lineWidth, pen.lineCap] = [wide, "round"];
+      colours.forEach((_, n) => {
+        if (!pixels[n] || !pixels[n + 1]) return;
+        pen.strokeStyle = colourOf(n);
+        pen.beginPath();
+        pen.moveTo(...pixels[n]);
+        pen.lineTo(...pixels[n + 1]);
+        pen.stroke();
+      });
+    }
+    const middle = ring && at(ring);
+    if (!middle) return;
+    [pen.lineWidth, pen.strokeStyle] = [2, ink];
+    pen.beginPath();
+    pen.arc(...middle, 9, 0, 2 * Math.PI);
+    pen.stroke();
+  }
+
   // Of one or two places; one behind the eye has no pixel, and no line leads to it.
   draw(camera, places, text, { ink, paper }) {
     const { canvas, pen } = this;

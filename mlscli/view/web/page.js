@@ -30,7 +30,13 @@ async function main() {
 
   const flight = flightOf(page), layers = layersOf(page), colouring = colouringOf(page);
   const light = lightOf(page), cutting = cuttingOf(page), ruler = rulerOf(page, marks, light.inks);
-  const address = addressOf(page, { flight, layers, colouring, cutting, ruler });
+  const craft = craftOf(page, marks, light.inks);
+  const address = addressOf(page, { flight, layers, colouring, cutting, ruler, craft });
+
+  function mark(cursor) {
+    ruler.draw(cursor);
+    craft.draw();
+  }
 
   function drawn(now) {
     if (state.dirty) {
@@ -38,7 +44,7 @@ async function main() {
       draw(detail.moving(now));
       drawAxes(camera);
       drawScale(scaleOf(camera, canvas.clientHeight));
-      ruler.draw(null);
+      mark(null);
     } else if (detail.rests(now)) {
       if (state.detail !== "smooth") draw("smooth");
       if (state.asked) tell();
@@ -70,7 +76,7 @@ async function main() {
   function tell() {
     const hit = pick();
     element("readout").textContent = hit ? describe(add(hit, map.origin)) : "";
-    ruler.draw(hit);
+    mark(hit);
     address.write();
   }
 
@@ -95,16 +101,23 @@ async function main() {
   // --- mouse, touch, keys and buttons ---
 
   const help = element("help");
+  // Clicks do one thing at a time.
+  const measure = () => { craft.off(); ruler.change(); };
+  const fit = () => { ruler.set(false); craft.change(); };
   const acts = {
-    c: colouring.next, l: light.change, m: ruler.change, p: save,
+    c: colouring.next, l: light.change, m: measure, v: fit, p: save,
     x: cutting.next, o: cutting.turn, "[": () => cutting.step(-1), "]": () => cutting.step(1),
     "?": () => help.toggleAttribute("hidden"),
-    Escape: () => { help.hidden = true; ruler.set(false); },
+    Backspace: craft.undo,
+    Escape: () => { help.hidden = true; ruler.set(false); craft.off(); },
   };
-  pointersOf(page, pick, () => { if (ruler.isOn()) ruler.take(pick()); });
+  pointersOf(page, pick, () => {
+    const tool = [craft, ruler].find((each) => each.isOn());
+    if (tool) tool.take(pick());
+  });
   keysOf(page, { whole, flight, layers, ...acts });
   for (const [name, act] of [
-    ["measure", ruler.change], ["save", save], ["light", light.change],
+    ["measure", measure], ["fit", fit], ["save", save], ["light", light.change],
     ["keys", acts["?"]], ["close", acts["?"]],
   ]) element(name).addEventListener("click", act);
   window.addEventListener("resize", redraw);
