@@ -141,6 +141,8 @@ def build_large(
         raise UsageError(
             "`memory`: a sequential map is made batch by batch, in memory; set mode=consistent"
         )
+    # That sources lie in different places shows before the work.
+    _ = recording.georeference
     check_workers(parameters, {"jobs": jobs, "scheduler": scheduler}, "")
     with ExitStack() as stack:
         workers: Workers = Threads(jobs or processors())

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mlscli.errors import MlsError
 from mlscli.geometry.earth import is_place, local, local_georeference
 from mlscli.io.files import open_text_input
 from mlscli.maps.georeference import Georeference
@@ -43,11 +44,14 @@ def georeference_of(
     file = next((place for place in places if place.is_file()), None)
     if file is None:
         return None, []
-    rows = _rows(file)
+    try:
+        rows = _rows(file)
+    except (OSError, MlsError):
+        rows = None
     if rows is None:
         return None, [
-            f"{file}: holds no rows of an image's name, latitude, longitude and altitude; `crs` "
-            "says where the map lies"
+            f"{file}: cannot be read as rows of an image's name, latitude, longitude and altitude; "
+            "`crs` says where the map lies"
         ]
     origin = next(iter(rows.values()))
     known = [name for name, place in cameras.items() if name in rows and math.isfinite(sum(place))]

@@ -152,8 +152,8 @@ def test_a_colmap_model_lies_where_its_cameras_were_aligned_to(tmp_path: Path) -
     for broken, why in (
         ("\n".join(reversed(rows)), "the model is not aligned to it"),
         ("\n".join(rows[:2]), "2 images of the model was, too few"),
-        ("EPSG:4326\n" + rows[0], "holds no rows of"),
-        ("1.jpg 500000 5200000 600", "holds no rows of"),
+        ("EPSG:4326\n" + rows[0], "cannot be read as rows of"),
+        ("1.jpg 500000 5200000 600", "cannot be read as rows of"),
     ):
         file.write_text(broken)
         source = open_source(model)
