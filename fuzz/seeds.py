@@ -260,6 +260,11 @@ _TRANSFORMS = [
                 "turn": _EYE.tolist(), "from": _EYE.tolist()}, indent=1),
 ]  # fmt: skip
 
+_TIMES = [
+    json.dumps({"rows": [{"size": 20, "batches": 160, "seconds": 0.012, "thesis": 0.01}],
+                "first_call": 0.9, "exponent": None}, indent=2),
+]  # fmt: skip
+
 _WAYS = [*TRAJECTORIES.values(), *UNTIMED.values(), "x,y,z\n0,2,1.5\n3,2,1.5\n", "0 2 1.5\n3 2 1\n"]
 
 READERS: dict[str, tuple[str, tuple[Maker, ...]]] = {
@@ -286,6 +291,8 @@ MAKERS: dict[str, Maker] = {
     "legs": _files(_LEGS),
     "route": _files(_WAYS),
     "path": _files(_WAYS),
+    "seen": _files([_timed()]),
+    "times": _files(_TIMES),
     "transform": _files(_TRANSFORMS),
     **{name: _maps for name, target in TARGETS.items() if target.damaged == "map.npz"},
 }

@@ -83,7 +83,8 @@ _SOURCES = (
 )
 _EXPORTS = {
     "ply": "ply", "obj": "obj", "glb": "glb", "mcap": "mcap", "nav2": "yaml", "octomap": "bt",
-    "pcd": "pcd", "las": "las", "grid-map": "mcap", "npz": "npz", "netcdf": "nc", "sdf": "sdf",
+    "pcd": "pcd", "las": "las", "grid-map": "mcap", "npz": "npz", "netcdf": "nc", "geotiff": "tif",
+    "sdf": "sdf",
 }  # fmt: skip
 _OF_MAPS = {
     "info": ("info in/map.npz", "info in/map.npz --json"),
@@ -101,7 +102,10 @@ _OF_MAPS = {
         "plot in/map.npz -o out/map.svg --section 0,0,3,3",
         "plot in/map.npz -o out/map.png --compare in/good.npz",
     ),
-    "view": ("view in/map.npz --html out/map.html",),
+    "view": (
+        "view in/map.npz --html out/map.html",
+        "view in/map.npz --html out/map.html --points in/cloud.txt",
+    ),
     "merge": ("merge in/map.npz in/good.npz -o out/both.npz",),
     "align": ("align in/map.npz in/good.npz -o out/onto.json -o out/moved.npz --no-scale",),
 }
@@ -158,6 +162,16 @@ TARGETS: dict[str, Target] = {
         True,
         frozenset({0, 1, 3, 4}),
     ),
+    "seen": Target(
+        "seen.txt",
+        (
+            "view in/good.npz --html out/map.html --points in/seen.txt",
+            "compare in/good.npz --cloud in/cloud.txt --flight in/seen.txt",
+        ),
+        True,
+        frozenset({0, 1, 3}),
+    ),
+    "times": Target("times.json", ("bench --sizes 20 --compare in/times.json",)),
     "transform": Target(
         "onto.json", ("build in/cloud.txt --transform in/onto.json -o out/map.npz",), True
     ),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
@@ -234,6 +233,7 @@ def _pace(
         Whether the report is JSON or Markdown.
     """
     from mlscli.errors import InputError
+    from mlscli.io.files import read_input
     from mlscli.plot import require_format, write_figure
     from mlscli.trials import pace
 
@@ -243,8 +243,10 @@ def _pace(
     before = None
     if compare is not None:
         try:
-            before = pace.seconds_of(json.loads(Path(compare).read_bytes()), compare)
-        except ValueError:
+            before = pace.seconds_of(json.loads(read_input(compare)), compare)
+        except OSError as error:
+            raise InputError(f"{compare}: cannot be read: {error.strerror or error}") from None
+        except (ValueError, RecursionError):
             raise InputError(f"{compare}: is no JSON; expected that of --sizes --json") from None
     with ProgressBar() as progress:
         found = pace.measured(numbers, parameters, progress)

@@ -7,7 +7,6 @@ single linkage, and horizontal or vertical by their spread.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mlscli.errors import InputError, expect
-from mlscli.maps.cells import CellSet, Limits
+from mlscli.maps.cells import GREATEST_INDEX, CellSet, Limits
 from mlscli.maps.columns import COLUMNS, STATISTICS, UNMEASURED, bare, new_columns
 from mlscli.maps.display import html
 from mlscli.maps.free_space import FreeSpace
@@ -363,8 +362,8 @@ class SurfaceMap:
             yield f"cell_size: is {self.cell_size!r}; it must be {sides}"
         for name in ("gap_size", "thickness"):
             value = getattr(self, name)
-            if not math.isfinite(value) or value < 0:
-                yield f"{name}: is {value!r}; it must be 0 or more"
+            if not 0 <= value <= (GREATEST_INDEX + 1) * self.cell_size:
+                yield f"{name}: is {value!r}; it must be from 0 to {GREATEST_INDEX:,} cells"
         yield from self._form_faults()
         yield from self._value_faults()
         yield from self.free.faults() if self.free is not None else ()

@@ -161,6 +161,24 @@ def test_wrong_usage_is_one_line(tmp_path: Path, options: list[str], said: str) 
 
 
 @pytest.mark.parametrize(
+    ("held", "said"),
+    [
+        ("[" * 100_000, "is no JSON"),
+        ("{}", "holds no times"),
+        (None, "cannot be read: No such file"),
+    ],
+)
+def test_times_that_are_none_are_refused_in_one_line(
+    tmp_path: Path, held: str | None, said: str
+) -> None:
+    if held is not None:
+        (tmp_path / "old.json").write_text(held)
+    done = mls("bench", "--sizes", "20", "--compare", "old.json", cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert f"old.json: {said}" in done.stderr
+
+
+@pytest.mark.parametrize(
     ("options", "said"),
     [
         (["--sizes", "20", "--noise", "thesis"], "--noise: goes with --quality"),

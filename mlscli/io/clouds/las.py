@@ -35,6 +35,7 @@ from mlscli.io.plausibility.finding import Finding, right
 from mlscli.io.source import keyframe_field, side_by_side
 from mlscli.io.unpacking import excess, most_unpacked
 from mlscli.runtime.arrays import Array, Bool, Float64, UInt8
+from mlscli.runtime.muted import muted
 from mlscli.words import are, some
 
 # What laspy logs is also raised.
@@ -170,7 +171,7 @@ class LasCloud(PointFile):
             Offset at which they end, to read without seeking; None: with seeking.
         """
         part = _ChunkedPoints([], [], [], [], "")
-        with open_input(self.path) as file:
+        with open_input(self.path) as file, muted():
             try:
                 reader = laspy.LasReader(
                     _Overlaid(file, self._records, end),

@@ -299,7 +299,14 @@ class Checkpoint:
             identity, points, every, rows = json.loads(content)
             tiles = [Tile(Limits(*row[:4]), int(row[4])) for row in rows]
             return _Build(dict(identity), str(points), float(every), tiles)
-        except (OSError, ValueError, TypeError, IndexError) as error:
+        except (
+            OSError,
+            ValueError,
+            TypeError,
+            LookupError,
+            ArithmeticError,
+            RecursionError,
+        ) as error:
             raise InputError(
                 f"{path}: is damaged, so that nothing is known of the checkpoint; leave out "
                 "`resume` and add `overwrite` to begin anew"

@@ -327,6 +327,20 @@ def test_points_wider_than_their_packing_are_refused(tmp_path: Path) -> None:
     assert read_damaged(tmp_path / "a.laz", LasCloud) is None
 
 
+def test_a_panic_of_the_decompressor_is_a_loss_and_prints_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    content = bytearray(write(tmp_path / "flight.laz", point_format=0).read_bytes())
+    # The record of LASzip lists no items of which a point is made.
+    record = content.index(b"laszip encoded") + 52
+    struct.pack_into("<H", content, record + 32, 0)
+    (tmp_path / "flight.laz").write_bytes(content)
+    keyframes, losses = read(tmp_path / "flight.laz")
+    assert not any(keyframes)
+    assert "LazItem" in losses[0]
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize(("name", "point_format"), [("a.las", 3), ("a.las", 7), ("a.laz", 7)])
 @pytest.mark.parametrize("declared", [0, 20])
 def test_points_beyond_those_declared_are_taken(

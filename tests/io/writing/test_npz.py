@@ -170,6 +170,16 @@ def test_a_side_that_no_cell_has_is_named(written: Path, side: float) -> None:
         read_map(written)
 
 
+@pytest.mark.parametrize("name", ["gap_size", "thickness"])
+@pytest.mark.parametrize("length", [-0.5, 1e300, np.inf, np.nan])
+def test_a_length_that_no_map_is_built_with_is_named(
+    written: Path, name: str, length: float
+) -> None:
+    rewrite(written, **{name: np.array(length)})
+    with pytest.raises(InputError, match=rf"{name}: is .*; it must be from 0 to 2,147,483,647"):
+        read_map(written)
+
+
 def test_a_size_that_is_only_claimed_is_refused_before_memory_is_given(written: Path) -> None:
     claim_size(written, "ix", "<f8")
     with pytest.raises(InputError, match="ix: declares"):
