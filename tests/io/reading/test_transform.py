@@ -101,3 +101,19 @@ def test_a_file_that_is_none_is_refused_without_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "onto.json")
     with pytest.raises(InputError, match=r"onto\.json: is a FIFO"):
         open_recording(np.ones((3, 3)), transform=tmp_path / "onto.json")
+
+
+def test_a_recording_comes_to_lie_where_the_other_map_does_on_earth(tmp_path: Path) -> None:
+    place = {"crs": "EPSG:32632", "offset": [5.0, 6.0, 7.0], "source": "a test"}
+    own = {"georeference": place | {"crs": "EPSG:2056"}}
+    transform = onto(FIT, {"georeference": place}, "site", own).to_dict()
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text("x,y,z\n1,2,3\n7,8,9\n")
+    moved = open_recording(cloud, transform=transform)
+    assert moved.georeference == ("EPSG:32632", (5.0, 6.0, 7.0), "a test")
+    # It is read again from the map's meta. Of a map that lies nowhere, that of its own is not it.
+    assert open_recording(cloud, **moved.options).georeference == moved.georeference
+    local = onto(FIT, {}, "site", own).to_dict()
+    assert open_recording(cloud, transform=local).georeference is None
+    with pytest.raises(InputError, match=r"georeference holds .* it must be an object of crs"):
+        read_transform(transform | {"georeference": {"crs": "here"}})
