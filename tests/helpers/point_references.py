@@ -45,17 +45,13 @@ def median(
         if len(speak) < max(min_nb, min_share * len(around)):
             if not layer_share:
                 continue
-            layers, close = (
-                Counter(
-                    min(max(round((oz - z) / (2 * level)), -31), 31)
-                    for ox, oy, oz in rows
-                    if (squared := (ox - x) * (ox - x) + (oy - y) * (oy - y)) <= far * far
-                    and squared <= nb_radius * nb_radius
-                )
-                for far in (nb_radius, level / 2)
+            layers = Counter(
+                min(max(round((oz - z) / (2 * level)), -31), 31)
+                for ox, oy, oz in rows
+                if (ox - x) * (ox - x) + (oy - y) * (oy - y) <= nb_radius * nb_radius
             )
-            thin = [each[0] * len(each) < layer_share * each.total() for each in (layers, close)]
-            if thin[0] and (thin[1] or close[0] < 3) and not of_pole(rows, i, z, nb_radius, level):
+            thin = layers[0] * len(layers) < layer_share * layers.total()
+            if thin and not of_pole(rows, i, z, nb_radius, level):
                 continue
         heights = sorted([z, *neighbours(i, z)])
         middle = heights[len(heights) // 2]
@@ -71,13 +67,13 @@ def of_pole(rows: list[Point], i: int, z: float, nb_radius: float, level: float)
     offsets = [(ox - rows[i][0], oy - rows[i][1], oz - z) for ox, oy, oz in rows]
     flat = [(dx * dx + dy * dy, dz) for dx, dy, dz in offsets]
     column = [dz for d, dz in flat if d <= min(level / 2, nb_radius) ** 2]
-    close = sum(abs(dz) <= 2 * level for dz in column)
-    beside = sum(
-        abs(dz) <= 2 * level for d, dz in flat if (1.5 * level) ** 2 < d <= nb_radius * nb_radius
-    )
+    ring = [dz for d, dz in flat if (1.5 * level) ** 2 < d <= nb_radius * nb_radius]
     layers = {min(max(round(dz / (2 * level)), -31), 31) for dz in column}
     above = next(n for n in range(33) if n + 1 not in layers)
     below = next(n for n in range(33) if -n - 1 not in layers)
+    near = level if above and below else 2 * level
+    close = sum(abs(dz) <= 2 * level for dz in column)
+    beside = sum(abs(dz) <= near for dz in ring)
     return close >= 3 and beside <= min(24, close / 2) and above + below >= 2
 
 

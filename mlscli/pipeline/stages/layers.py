@@ -1,20 +1,18 @@
 """Layers of all points around a point: whether its own is much thinner than others, or a pole's.
 
-The rule stands in `mlscli.pipeline.stages.median`, under `layer_share`. It is put twice: to all
-points around, and to those that stand close about the point, at horizontal distances of at most
-half of `level`, if three of them at least, the point itself counted, lie in its layer. Beside a
-pole stands nothing but the floor below, which holds more points than the pole's layers; in a column
-as narrow as the pole these are alike up to its end, and outliers are hardly ever three in one.
-
-The end of a thin pole has hardly any neighbours, or of a dense one so many that the nearest spread
-no farther in height than sideways, as on a floor. Both are told from outliers and floors by what
-stands beside them: nothing. A point is of a pole if
+The rule stands in `mlscli.pipeline.stages.median`, under `layer_share`. It leaves out poles over a
+floor, which holds more points than their layers. Their ends have hardly any neighbours, or those of
+dense ones so many that the nearest spread no farther in height than sideways, as on a floor. Poles
+are told from outliers and floors by what stands beside them: nothing. A point is of a pole if
 
 - of the points at most the thickness of a layer above or below it, three at least, itself counted,
-  stand close about it, and half as many at most, and never more than 24, at horizontal distances of
-  more than 1.5 times `level` up to the radius;
+  stand close about it, at horizontal distances of at most half of `level`;
 - what stands close about it goes on, at any height, through two layers at least that follow its own
-  without a gap, those above and below added up.
+  without a gap, those above and below added up;
+- half as many at most, and never more than 24, stand beside it, more than 1.5 times `level` away
+  and at most the radius. Where the column goes on both above and below the point, those of its
+  layer count, else those at most the thickness of a layer above or below it: so the foot of a pole
+  may stand on a floor, and no outlier on a wall.
 """
 
 from __future__ import annotations
@@ -30,11 +28,10 @@ from mlscli.runtime.kernels import inner
 # Layers this far above or below a point's own, and beyond, are one.
 _FARTHEST_LAYER = 31
 _LAYERS = 2 * _FARTHEST_LAYER + 1
-# What stands close about a point lies at most this share of `level` beside it, and so many of that
-# must lie in its layer.
+# Close about a point of a pole, at most this share of `level` away, stand so many points at least.
 _CLOSE, _FEWEST = 0.5, 3
-# Beside a pole, so many times `level` away and more, stand so many points at most, and at most this
-# share of those close about it; and it goes on through so many layers.
+# Beside it, so many times `level` away and more, stand so many at most, and at most this share of
+# those close about it; and it goes on through so many layers.
 _WIDE, _MOST_BESIDE, _BESIDE, _GOES_ON = 1.5, 24, 0.5, 2
 
 
@@ -42,9 +39,7 @@ _WIDE, _MOST_BESIDE, _BESIDE, _GOES_ON = 1.5, 24, 0.5, 2
 def stands_out(
     grid: PointGrid, around: Int64, i: int, radius: float, level: float, least: float
 ) -> bool:
-    """Return whether enough points lie in the layer of point i, or it is of a pole.
-
-    Enough of all around it, or of those close about it.
+    """Return whether enough of all points around point i lie in its layer, or it is of a pole.
 
     Parameters
     ----------
@@ -61,8 +56,7 @@ def stands_out(
         The share of the mean layer that the point's own must hold.
     """
     return bool(
-        _is_enough(grid, around, i, radius, level, least, 1)
-        or _is_enough(grid, around, i, min(_CLOSE * level, radius), level, least, _FEWEST)
+        _is_enough(grid, around, i, radius, level, least)
         or is_pole(grid, around, i, grid.xyz[i, 2], radius, level)
     )
 
@@ -84,7 +78,7 @@ def is_pole(grid: PointGrid, around: Int64, i: int, z: float, radius: float, lev
     near = 1.001 * (2.0 * level) + 1e-9 * abs(z)
     farthest = radius * radius
     narrow, wide = min(_CLOSE * level * (_CLOSE * level), farthest), _WIDE * level * (_WIDE * level)
-    close = beside = 0
+    close = beside = level_with = 0
     for k in range(len(around)):
         # The point's own column, in the middle, comes first: on a floor it is enough.
         column = around[(k + len(around) // 2) % len(around)]
@@ -98,10 +92,12 @@ def is_pole(grid: PointGrid, around: Int64, i: int, z: float, radius: float, lev
                     dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
                     squared = dx * dx + dy * dy
                     close += squared <= narrow
-                    beside += (wide < squared) & (squared <= farthest)
-            if beside > _MOST_BESIDE:
+                    is_beside = (wide < squared) & (squared <= farthest)
+                    beside += is_beside
+                    level_with += is_beside & (abs(xyz[j, 2] - z) <= level)
+            if level_with > _MOST_BESIDE:
                 return False
-    if close < _FEWEST or beside > _BESIDE * close:
+    if close < _FEWEST or level_with > _BESIDE * close:
         return False
     occupied = np.int64(0)
     for column in around:
@@ -110,27 +106,26 @@ def is_pole(grid: PointGrid, around: Int64, i: int, z: float, radius: float, lev
                 dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
                 if dx * dx + dy * dy <= narrow:
                     occupied |= np.int64(1) << (_layer(xyz[j, 2] - z, level) + _FARTHEST_LAYER)
-    above, below = occupied >> (_FARTHEST_LAYER + 1), occupied << 1
-    goes_on = 0
-    while above & 1:
-        above, goes_on = above >> 1, goes_on + 1
-    while below >> _FARTHEST_LAYER & 1:
-        below, goes_on = below << 1, goes_on + 1
-    return goes_on >= _GOES_ON
+    mask, above, below = occupied >> (_FARTHEST_LAYER + 1), 0, 0
+    while mask & 1:
+        mask, above = mask >> 1, above + 1
+    mask = occupied << 1
+    while mask >> _FARTHEST_LAYER & 1:
+        mask, below = mask << 1, below + 1
+    alone = beside <= min(_BESIDE * close, _MOST_BESIDE)
+    return bool(above + below >= _GOES_ON and (alone or (above > 0 and below > 0)))
 
 
 @inner
 def _is_enough(
-    grid: PointGrid, around: Int64, i: int, radius: float, level: float, least: float, fewest: int
+    grid: PointGrid, around: Int64, i: int, radius: float, level: float, least: float
 ) -> bool:
-    """Return whether the layer of point i holds enough of all points within a radius.
+    """Return whether enough of all points around point i lie in its layer.
 
     Parameters
     ----------
     grid, around, i, radius, level, least
         As in `stands_out`.
-    fewest : int
-        So many the point's own layer must hold, whatever their share.
     """
     xyz, fine, first = grid.xyz, grid.fine, grid.first
     x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
@@ -148,8 +143,6 @@ def _is_enough(
                 if abs(above) <= near and _layer(above, level) == 0:
                     dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
                     beside += dx * dx + dy * dy <= radius * radius
-    if beside < fewest:
-        return False
     everything, occupied = 0, np.int64(0)
     for column in around:
         for number in range(first[column], first[column + 1]):

@@ -21,8 +21,8 @@ distances of at most `nb_radius`, whatever their heights, are put into layers ``
 the point itself in the middle of its own: into layer ``rint(dz / (2 * level))``, those beyond 31
 into the 31st, up and down. The point is kept if its layer holds, itself counted, at least that
 share of what those that hold any hold in the mean. Outliers have all heights: each is alone in a
-layer beside those of surfaces that were seen well. So it is if its layer is no thinner among what
-stands close about it, as along a pole, or if it is of a pole (`mlscli.pipeline.stages.layers`).
+layer beside those of surfaces that were seen well. It is kept, too, if it is of a pole
+(`mlscli.pipeline.stages.layers`).
 
 With `max_slope`, heights are compared along the slope on which the neighbours lie (see
 `mlscli.pipeline.stages.slope`); those at the distance of the last that counts count as well. Where
