@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import shutil
+import sys
 from collections.abc import Iterable, Mapping, Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mlscli.errors import printable
@@ -14,6 +17,9 @@ from mlscli.words import some
 if TYPE_CHECKING:
     from mlscli.pipeline.parameters import Vehicle
 
+# A text is not cut into shorter lines than this, however long the names beside it are.
+LEAST_ROOM = 40
+
 # So many numbers of levels fit on a line.
 _MOST_LEVELS = 6
 
@@ -21,11 +27,31 @@ _MOST_LEVELS = 6
 def lines(rows: Iterable[tuple[str, str]]) -> str:
     """Return rows (name, text) as lines with aligned texts; those without a text are left out.
 
+    On a terminal, texts go on in further lines where they do not fit it; elsewhere a row is a line.
     What a recording named is escaped, see `printable`.
     """
     kept = [(printable(name), printable(text)) for name, text in rows if text]
     width = max((len(name) for name, _ in kept), default=0)
-    return "\n".join(f"  {name:<{width}}  {text}" for name, text in kept)
+    room = _room(width)
+    return "\n".join(
+        f"  {'' if number else name:<{width}}  {line}"
+        for name, text in kept
+        for number, line in enumerate(_cut(text, room))
+    )
+
+
+def _room(width: int) -> int | None:
+    """Return how long texts may be on the terminal, beside names of a width; None: on none."""
+    if not sys.stdout.isatty():
+        return None
+    return max(shutil.get_terminal_size().columns - width - 4, LEAST_ROOM)
+
+
+def _cut(text: str, room: int | None) -> list[str]:
+    """Return a text as lines that fit, cut at blanks; one that fits stays as it is."""
+    if room is None or len(text) <= room:
+        return [text]
+    return wrap(text, room, break_long_words=False, break_on_hyphens=False)
 
 
 def counts(numbers: Mapping[str, int]) -> str:

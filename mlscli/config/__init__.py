@@ -192,7 +192,7 @@ def to_yaml(parameters: Parameters) -> str:
 def _commented(part: object, indent: str) -> Iterator[str]:
     for item in fields_of(type(part)).values():
         comment = f"{item.help} ({_range(item)})"
-        yield from wrap(comment, 96, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
+        yield from wrap(comment, 79, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
         yield f"{indent}{item.name}: {write_value(getattr(part, item.name))}"
 
 

@@ -6,6 +6,8 @@ held against that of the file; to be quiet also of what was lost, so a cut file 
 
 from __future__ import annotations
 
+import os
+import pty
 import re
 import subprocess
 import sys
@@ -120,3 +122,32 @@ def test_every_command_can_be_quiet_or_verbose_but_not_both(tmp_path: Path) -> N
     both = mls("info", "-q", SAMPLE, "--verbose", cwd=tmp_path)
     assert both.returncode == 2
     assert both.stderr == "mls: --quiet: does not go with --verbose; leave one of them out\n"
+
+
+def test_rows_fit_the_terminal_and_are_lines_elsewhere(tmp_path: Path) -> None:
+    mls("build", SAMPLE, "-o", "m.npz", cwd=tmp_path)
+    plain = mls("info", "m.npz", cwd=tmp_path).stdout
+    assert max(map(len, plain.splitlines())) > 80
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "COLUMNS": "80"}
+    words = [sys.executable, "-m", "mlscli", "info", "m.npz"]
+    done = subprocess.run(words, cwd=tmp_path, stdout=theirs, env=environment, check=False)
+    os.close(theirs)
+    shown = b""
+    while part := _read(ours):
+        shown += part
+    assert done.returncode == 0
+    lines = shown.decode().splitlines()
+    assert max(map(len, lines)) <= 80
+    # Nothing is lost: the same words in the same order.
+    assert " ".join(lines).split() == plain.split()
+    # No colours, and nothing else that a terminal obeys.
+    assert b"\x1b" not in shown
+
+
+def _read(terminal: int) -> bytes:
+    try:
+        return os.read(terminal, 1 << 16)
+    except OSError:
+        # The other side is closed.
+        return b""
