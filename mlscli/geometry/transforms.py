@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -340,6 +341,7 @@ class TransformTree:
         return poses or identity(1)
 
 
+@lru_cache(maxsize=4096)
 def bare(frame: str) -> str:
     """Return the name of a frame without surrounding blanks and leading slashes."""
     return frame.strip().lstrip("/")

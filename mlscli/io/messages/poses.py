@@ -1,4 +1,4 @@
-"""Decode messages that hold poses or transforms: from a deserialized message to arrays.
+"""Decode messages that hold poses or transforms: from deserialized messages to arrays.
 
 References
 ----------
@@ -8,7 +8,7 @@ FrameTransform: each gives the pose of the child frame in the parent frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import wraps
 from typing import Any, TypeAlias
 
@@ -18,6 +18,10 @@ from mlscli.geometry.poses import are_poses, unit
 from mlscli.geometry.transforms import bare
 from mlscli.io.messages.parts import checked, seconds
 from mlscli.io.source import StampedPoses
+from mlscli.runtime.arrays import Bool, Float64
+
+PoseRow: TypeAlias = tuple[str, str, float, float, float, float, float, float, float, float]
+"""Parent and child frame, time (s), x, y, z, and the quaternion x, y, z, w, of any length."""
 
 # Parent frame, child frame, time, position, orientation.
 _Row: TypeAlias = tuple[str, str, Any, Any, Any]
@@ -75,34 +79,57 @@ def _frame_transforms(message: Any) -> Iterator[_Row]:
         yield from _frame_transform(each)
 
 
-def _gathered(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[StampedPoses]]:
-    """Return a decoder that gathers rows into arrays, one set for each pair of frames.
-
-    The pairs come in order of first appearance.
-    """
+def _table(rows: Callable[[Any], Iterator[_Row]]) -> Callable[[Any], list[PoseRow]]:
+    """Return a decoder that makes names and numbers of what rows hold."""
 
     @wraps(rows)
-    def decode(message: Any) -> list[StampedPoses]:
-        tables: dict[tuple[str, str], list[tuple[float, ...]]] = {}
-        for parent, child, time, at, turn in rows(message):
-            tables.setdefault((bare(parent), bare(child)), []).append(
-                (seconds(time), at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
+    def decode(message: Any) -> list[PoseRow]:
+        return [
+            (
+                bare(parent), bare(child), seconds(time), float(at.x), float(at.y), float(at.z),
+                float(turn.x), float(turn.y), float(turn.z), float(turn.w),
             )
-        return [_poses(table, *frames) for frames, table in tables.items()]
+            for parent, child, time, at, turn in rows(message)
+        ]  # fmt: skip
 
     return decode
 
 
-def _poses(rows: list[tuple[float, ...]], parent: str, child: str) -> StampedPoses:
-    table = np.array(rows, dtype=np.float64)
-    good = are_poses(table[:, 0], table[:, 1:4], table[:, 4:])
-    refused = int(np.count_nonzero(~good))
-    table = table[good]
-    return StampedPoses(table[:, 0], table[:, 1:4], unit(table[:, 4:]), parent, child, refused)
+def stamped(messages: Sequence[Sequence[PoseRow]]) -> list[list[StampedPoses]]:
+    """Return the poses of each message, a set for each pair of frames, in order of appearance.
+
+    Of many messages at once, as arrays of a row each take a hundred times as long.
+    """
+    table = np.array([row[2:] for rows in messages for row in rows]).reshape(-1, 8)
+    with np.errstate(all="ignore"):
+        good = are_poses(table[:, 0], table[:, 1:4], table[:, 4:])
+        quaternions = unit(table[:, 4:])
+    found, begin = [], 0
+    for rows in messages:
+        places: dict[tuple[str, str], list[int]] = {}
+        for place, row in enumerate(rows, begin):
+            places.setdefault(row[:2], []).append(place)
+        begin += len(rows)
+        found.append([_poses(table, quaternions, good, *each) for each in places.items()])
+    return found
 
 
-POSE_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
-    type_: checked(type_, _gathered(rows))
+def _poses(
+    table: Float64, quaternions: Float64, good: Bool, frames: tuple[str, str], places: list[int]
+) -> StampedPoses:
+    """Return the good ones of the poses at some places, ascending."""
+    first, last = places[0], places[-1] + 1
+    rows: slice | list[int] = slice(first, last)
+    if last - first > len(places) or not good[rows].all():
+        rows = [place for place in places if good[place]]
+    count = last - first if isinstance(rows, slice) else len(rows)
+    return StampedPoses(
+        table[rows, 0], table[rows, 1:4], quaternions[rows], *frames, len(places) - count
+    )
+
+
+POSE_TYPES: dict[str, Callable[[Any], list[PoseRow]]] = {
+    type_: checked(type_, _table(rows))
     for type_, rows in {
         "nav_msgs/msg/Odometry": _odometry,
         "geometry_msgs/msg/PoseStamped": _pose_stamped,
@@ -115,8 +142,8 @@ POSE_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
 }
 """The message types that hold poses of the craft, each with its decoder."""
 
-TRANSFORM_TYPES: dict[str, Callable[[Any], list[StampedPoses]]] = {
-    type_: checked(type_, _gathered(rows))
+TRANSFORM_TYPES: dict[str, Callable[[Any], list[PoseRow]]] = {
+    type_: checked(type_, _table(rows))
     for type_, rows in {
         "tf2_msgs/msg/TFMessage": _tf_message,
         "tf/msg/tfMessage": _tf_message,

@@ -8,18 +8,24 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from mlscli.errors import InputError, UsageError
 from mlscli.io.containers.container import Container, Message
 from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
-from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
+from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES, PoseRow, stamped
 from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, CloudPart, MalformedCloudError
 from mlscli.io.ros import NANOSECONDS
 from mlscli.io.source import Clock, Cloud, PassOver, StampedPoses, Topic, Wanted, everything
 from mlscli.words import some
+
+_Read: TypeAlias = tuple[str, float, list[PoseRow]]
+# The topic of a message, when it was recorded (s), and its poses.
+
+_TOGETHER = 4096
+"""So many poses are made into arrays together."""
 
 _NO_TYPE = "no type"
 """What stands for the type of a channel without a schema."""
@@ -296,13 +302,13 @@ class TopicSource:
         return CLOUD_TYPES[message.channel.type](self._deserializer.read(message))
 
     def _read_poses(
-        self,
-        types: Mapping[str, Callable[[Any], list[StampedPoses]]],
-        topic: str | None = None,
+        self, types: Mapping[str, Callable[[Any], list[PoseRow]]], topic: str | None = None
     ) -> Iterator[StampedPoses]:
         """Read the poses of messages of these types, of one topic or of all."""
         unreadable: Counter[str] = Counter()
         refused: Counter[str] = Counter()
+        together: list[_Read] = []
+        rows = 0
         try:
             for message in self._messages(types, topic):
                 try:
@@ -310,14 +316,12 @@ class TopicSource:
                 except (MalformedMessageError, MalformedCloudError):
                     unreadable[message.channel.topic] += 1
                     continue
-                for poses in found:
-                    refused[message.channel.topic] += poses.refused
-                    stamps = poses.stamps
-                    if self._clock == "log":
-                        stamps = np.full(len(stamps), _logged(message))
-                    yield poses._replace(
-                        stamps=stamps, topic=message.channel.topic, logged=_logged(message)
-                    )
+                together.append((message.channel.topic, _logged(message), found))
+                rows += 1 + len(found)
+                if rows >= _TOGETHER:
+                    yield from self._stamped(together, refused)
+                    together, rows = [], 0
+            yield from self._stamped(together, refused)
         finally:
             lost = [
                 f"{self.path}: {name}: {some(count, 'message')} cannot be read"
@@ -325,6 +329,16 @@ class TopicSource:
             ]
             self._refused |= +refused
             self._lost_beside |= dict.fromkeys([*self._container.losses, *lost])
+
+    def _stamped(self, read: Sequence[_Read], refused: Counter[str]) -> Iterator[StampedPoses]:
+        """Yield the poses of messages, and count those that are refused, by topic."""
+        tables = stamped([rows for *_, rows in read])
+        for (topic, logged, _), found in zip(read, tables, strict=True):
+            for poses in found:
+                refused[topic] += poses.refused
+                if self._clock == "log":
+                    poses = poses._replace(stamps=np.full(len(poses.stamps), logged))
+                yield poses._replace(topic=topic, logged=logged)
 
     # --- topics ---
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from mlscli.geometry.transforms import TransformTree, bare
 from mlscli.io.plausibility.epochs import Epochs, told
 from mlscli.io.reading.namespaces import choose
-from mlscli.io.reading.rivals import Settled, link_of, settle
+from mlscli.io.reading.rivals import Settled, column, link_of, settle
 from mlscli.io.source import Source, StampedPoses
 from mlscli.runtime.arrays import Float64
 
@@ -105,9 +105,10 @@ class History:
         trees = [tree for _, some in self._told for tree in some]
         self.whole = trees[0] if len(trees) == 1 else TransformTree(gap)
         if len(trees) > 1:
-            for poses, stays in (each for some in read for each in some):
-                if link_of(poses) not in self._others:
-                    _add(self.whole, poses, stays, -math.inf)
+            taken = [each for some in read for each in some if link_of(each[0]) not in self._others]
+            _add_moving(self.whole, [poses for poses, stays in taken if not stays])
+            for poses in (poses for poses, stays in taken if stays):
+                _add_static(self.whole, poses)
 
     def at(self, moment: Moment) -> TransformTree:
         """Return the transforms in force for a cloud; none where it is not known which."""
@@ -189,7 +190,7 @@ class History:
             if number not in group:
                 for poses, stays in each:
                     for tree in trees if stays else ():
-                        _add(tree, poses, stays, -math.inf)
+                        _add_static(tree, poses)
         place = np.zeros((len(moving), 2), dtype=np.int64)
         for key, runs in epochs.runs.items():
             for first, stop, begin, last in runs:
@@ -202,9 +203,7 @@ class History:
         for tree, some in zip(trees, of_epochs, strict=True):
             settled = settle(some, links, self._frame)
             self._take(settled)
-            for poses in some:
-                if link_of(poses) not in settled.others:
-                    _add(tree, poses, False, -math.inf)
+            _add_moving(tree, [each for each in some if link_of(each) not in settled.others])
         for child, parents in sorted(
             {k: v for tree in trees for k, v in tree.in_turn().items()}.items()
         ):
@@ -270,12 +269,29 @@ class History:
             )
 
 
-def _add(tree: TransformTree, poses: StampedPoses, stays: bool, begin: float) -> None:
-    if not stays:
-        tree.add(poses.parent, poses.child, poses.stamps, poses.translations, poses.quaternions)
-        return
+def _add_static(tree: TransformTree, poses: StampedPoses) -> None:
     for translation, rotation in zip(poses.translations, poses.quaternions, strict=True):
-        tree.add_static(poses.parent, poses.child, translation, rotation, begin)
+        tree.add_static(poses.parent, poses.child, translation, rotation)
+
+
+def _add_moving(tree: TransformTree, told: Iterable[StampedPoses]) -> None:
+    """Add transforms over time; of a frame those together that are told in one parent, in order."""
+    runs: dict[str, list[StampedPoses]] = {}
+    ended = []
+    for poses in told:
+        run = runs.get(poses.child)
+        if run is None or run[0].parent != poses.parent:
+            run = runs[poses.child] = []
+            ended.append(run)
+        run.append(poses)
+    for run in ended:
+        tree.add(
+            run[0].parent,
+            run[0].child,
+            column(run, "stamps"),
+            column(run, "translations"),
+            column(run, "quaternions"),
+        )
 
 
 def _stream(poses: StampedPoses) -> tuple[str, str, str]:
@@ -305,13 +321,13 @@ def _contradict(read: Sequence[list[tuple[StampedPoses, bool]]]) -> bool:
 
 def _differ(one: Float64, other: Float64) -> bool:
     """Return whether rows (stamp, logged, x, y, z) of the same times have few poses in common."""
-    for column in (0, 1):
-        low = max(one[:, column].min(), other[:, column].min())
-        high = min(one[:, column].max(), other[:, column].max())
+    for axis in (0, 1):
+        low = max(one[:, axis].min(), other[:, axis].min())
+        high = min(one[:, axis].max(), other[:, axis].max())
         if not low < high:
             return False
-        one = one[(one[:, column] >= low) & (one[:, column] <= high)]
-        other = other[(other[:, column] >= low) & (other[:, column] <= high)]
+        one = one[(one[:, axis] >= low) & (one[:, axis] <= high)]
+        other = other[(other[:, axis] >= low) & (other[:, axis] <= high)]
         if not len(one) or not len(other):
             return False
     here = {row.tobytes() for row in one[:, [0, 2, 3, 4]]}

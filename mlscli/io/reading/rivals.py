@@ -81,20 +81,21 @@ def settle(moving: Sequence[StampedPoses], links: Iterable[Link], declared: str 
         for parent in parents:
             some = table[parent]
             finding = of_one_body(
-                _column(some, "stamps"), _column(some, "translations"), _column(some, "quaternions")
+                column(some, "stamps"), column(some, "translations"), column(some, "quaternions")
             )
             if finding.value is None:
                 found.faults[child] = f"{child!r} in {parent!r} is {finding.refusal}"
     return found
 
 
-def _column(some: Sequence[StampedPoses], name: str) -> Float64:
+def column(some: Sequence[StampedPoses], name: str) -> Float64:
+    """Return an attribute of all poses, (N,) or (N, K)."""
     return np.concatenate([getattr(poses, name) for poses in some])
 
 
 def _by_turns(tables: Sequence[Sequence[StampedPoses]]) -> bool:
     """Return whether parents, of each of which there are poses, take turns in time."""
-    stamps = [_column(some, "stamps") for some in tables]
+    stamps = [column(some, "stamps") for some in tables]
     labels = np.repeat(np.arange(len(stamps)), [len(each) for each in stamps])
     return alternate(labels[np.argsort(np.concatenate(stamps), kind="stable")])
 
@@ -114,6 +115,6 @@ def _rank(parent: str, told: Sequence[StampedPoses]) -> tuple[bool, int, int, st
     """Return what is least for the parent to be chosen."""
     name, last = parent.rpartition("/")[2], len(WORLD_FRAMES)
     order = WORLD_FRAMES.index(name) if name in WORLD_FRAMES else last + 1
-    stays = not np.ptp(_column(told, "translations"), axis=0).any()
+    stays = not np.ptp(column(told, "translations"), axis=0).any()
     count = sum(len(poses.stamps) for poses in told)
     return stays, last if name.startswith("odom") else order, -count, parent

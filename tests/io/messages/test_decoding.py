@@ -8,19 +8,16 @@ other.
 from __future__ import annotations
 
 import struct
-from typing import Any
 
 import numpy as np
 import pytest
 
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
-from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
-from mlscli.io.messages.registry import CLOUD_TYPES
 from tests.helpers import foxglove
+from tests.helpers.decoders import DECODERS
 from tests.helpers.ros import ENCODINGS, STORES, header, random_message, serialized, vector
 
-DECODERS: dict[str, Any] = {**CLOUD_TYPES, **POSE_TYPES, **TRANSFORM_TYPES}
 TYPES = [type_ for type_ in DECODERS if "/" in type_]
 WITH_HEADER = [
     "sensor_msgs/msg/PointCloud2",

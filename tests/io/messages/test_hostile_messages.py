@@ -21,12 +21,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mlscli.io.containers.container import Message
 from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
-from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
-from mlscli.io.messages.registry import CLOUD_TYPES, MalformedCloudError
+from mlscli.io.messages.registry import MalformedCloudError
 from tests.helpers import foxglove
+from tests.helpers.decoders import DECODERS
 from tests.helpers.ros import ENCODINGS, STORES, random_message, serialized, vector
 
-DECODERS: dict[str, Any] = {**CLOUD_TYPES, **POSE_TYPES, **TRANSFORM_TYPES}
 OF_ROS = [type_ for type_ in DECODERS if "/" in type_]
 OF_FOXGLOVE = [type_.partition(".")[2] for type_ in DECODERS if "." in type_]
 

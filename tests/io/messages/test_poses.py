@@ -7,16 +7,18 @@ dropping in silence what cannot be used. So rows differ, and what is refused is 
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import pytest
 
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
+from mlscli.io.messages.poses import TRANSFORM_TYPES, stamped
 from mlscli.io.messages.registry import MalformedCloudError
 from mlscli.io.source import StampedPoses
 from tests.helpers import foxglove
+from tests.helpers.decoders import POSES
 from tests.helpers.ros import ENCODINGS, header, serialized, vector
 
 ODOMETRY, PATH = "nav_msgs/msg/Odometry", "nav_msgs/msg/Path"
@@ -28,7 +30,7 @@ TF_TYPES = ["tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"]
 
 def decode(encoding: str, type_: str, content: dict[str, Any]) -> list[StampedPoses]:
     message = serialized(encoding, type_, content)
-    return (POSE_TYPES | TRANSFORM_TYPES)[type_](Deserializer().read(message))
+    return POSES[type_](Deserializer().read(message))
 
 
 def transform(parent: str, child: str, seconds: int, x: float, **changes: Any) -> dict[str, Any]:
@@ -72,7 +74,7 @@ def test_a_pose_in_a_frame_is_read_in_every_spelling(spelling: str) -> None:
     content = {"timestamp": stamp, "frame_id": "odom", "pose": POSE}
     message = foxglove.message(spelling, "PoseInFrame", content)
 
-    (poses,) = POSE_TYPES[message.channel.type](Deserializer().read(message))
+    (poses,) = POSES[message.channel.type](Deserializer().read(message))
 
     assert poses.stamps.tolist() == [4.75]
     assert poses.translations.tolist() == [[1, -2, 3.5]]
@@ -93,7 +95,7 @@ def test_frame_transforms_are_read_in_every_spelling(spelling: str) -> None:
 
     several = {"transforms": [one("a", 1, 5), one("b", 1, 6), one("a", 2, 7)]}
     message = foxglove.message(spelling, "FrameTransforms", several)
-    a, b = TRANSFORM_TYPES[message.channel.type](Deserializer().read(message))
+    a, b = POSES[message.channel.type](Deserializer().read(message))
 
     assert (a.parent, a.child, b.parent, b.child) == ("odom", "a", "odom", "b")
     assert (a.stamps.tolist(), b.stamps.tolist()) == ([1, 2], [1])
@@ -101,7 +103,7 @@ def test_frame_transforms_are_read_in_every_spelling(spelling: str) -> None:
     assert a.quaternions.tolist() == [[0, 0, 0, 1]] * 2
 
     message = foxglove.message(spelling, "FrameTransform", one("a", 1, 5))
-    (alone,) = TRANSFORM_TYPES[message.channel.type](Deserializer().read(message))
+    (alone,) = POSES[message.channel.type](Deserializer().read(message))
     assert (alone.parent, alone.child, alone.translations.tolist()) == ("odom", "a", [[5, 0, 0]])
 
 
@@ -187,4 +189,26 @@ def test_a_message_of_another_shape_is_refused() -> None:
     message = foxglove.message("json", "PoseInFrame", {"timestamp": {"sec": 1, "nsec": 2}})
 
     with pytest.raises(MalformedCloudError, match=r"not laid out as foxglove.PoseInFrame is"):
-        POSE_TYPES["foxglove.PoseInFrame"](Deserializer().read(message))
+        POSES["foxglove.PoseInFrame"](Deserializer().read(message))
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_messages_together_have_the_poses_that_each_has_alone(encoding: str) -> None:
+    none = vector(0, 0, 0, 0)
+    contents: list[list[dict[str, Any]]] = [
+        [transform("a", "b", 1, 10), transform("b", "c", 1, 11), transform("a", "b", 2, 12)],
+        [],
+        [transform("a", "b", 3, 13, rotation=none), transform("a", "b", 4, 14)],
+        [transform("b", "c", 5, 15, rotation=vector(0, 3, 0, 4))],
+    ]
+    type_ = "tf2_msgs/msg/TFMessage"
+    messages = [serialized(encoding, type_, {"transforms": each}) for each in contents]
+    read = [Deserializer().read(message) for message in messages]
+
+    together = stamped([TRANSFORM_TYPES[type_](message) for message in read])
+
+    alone = [POSES[type_](message) for message in read]
+    assert [len(each) for each in together] == [2, 0, 1, 1]
+    for one, other in zip(chain(*together), chain(*alone), strict=True):
+        assert all(map(np.array_equal, one[:3], other[:3]))
+        assert one[3:] == other[3:]

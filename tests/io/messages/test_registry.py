@@ -16,9 +16,9 @@ from rosbags.highlevel import AnyReader
 
 from mlscli.io.containers.container import Channel, Message
 from mlscli.io.messages.decoding import Deserializer
-from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES
-from mlscli.io.messages.registry import CLOUD_TYPES, CloudPart
+from mlscli.io.messages.registry import CloudPart
 from mlscli.io.source import StampedPoses
+from tests.helpers.decoders import DECODERS
 
 
 def of_bag(path: Path, type_: str) -> Iterator[Message]:
@@ -33,11 +33,10 @@ def of_bag(path: Path, type_: str) -> Iterator[Message]:
 
 def decoded(messages: Iterator[Message]) -> list[Any]:
     deserializer = Deserializer()
-    decoders: dict[str, Any] = {**CLOUD_TYPES, **POSE_TYPES, **TRANSFORM_TYPES}
     return [
         part
         for message in messages
-        for part in decoders[message.channel.type](deserializer.read(message))
+        for part in DECODERS[message.channel.type](deserializer.read(message))
     ]
 
 
