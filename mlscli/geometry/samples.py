@@ -1,4 +1,4 @@
-"""Samples of points that are drawn without a look at the others, in no time.
+"""A sample of points that are drawn without a look at the others, in no time.
 
 Which points are taken depends on their order and on nothing else: the same stream always leaves the
 same points. Where order may not count, nor how often a point comes, there is
@@ -6,8 +6,6 @@ same points. Where order may not count, nor how often a point comes, there is
 """
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import numpy as np
 
@@ -78,31 +76,3 @@ class Reservoir:
     def _numbers(self) -> Float64:
         """Return numbers by chance, above 0 and up to 1, (`_DRAWS`,)."""
         return 1.0 - self._chance.random(_DRAWS)
-
-
-@lru_cache(maxsize=64)
-def spread(count: int, size: int) -> Int64:
-    """Return places in a list of `count`, one in each of `size` equal parts, where by chance.
-
-    What is left out of a list in regular steps is hit like the rest.
-
-    Parameters
-    ----------
-    count : int
-        At least `size`.
-    size : int
-
-    Returns
-    -------
-    int64 (size,)
-        Ascending; read-only.
-    """
-    places = (_shifted(size) * (count / size)).astype(np.int64)
-    places.setflags(write=False)
-    return places
-
-
-@lru_cache(maxsize=8)
-def _shifted(size: int) -> Float64:
-    """Return the whole numbers from 0, each with a share added by chance, (size,)."""
-    return np.arange(size) + np.random.default_rng(0).random(size)

@@ -1,4 +1,4 @@
-"""Samples that are drawn: bounded, from all over, and the same however the points come.
+"""A sample that is drawn: bounded, from all over, and the same however the points come.
 
 How one could cheat: by the beginning of the stream, by its end, by steps that are regular, or by a
 sample of each part instead of one of the whole.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlscli.geometry.samples import Reservoir, spread
+from mlscli.geometry.samples import Reservoir
 from mlscli.runtime.arrays import Float64
 
 
@@ -51,17 +51,3 @@ def test_a_sample_of_one_point_ends_with_no_warning() -> None:
     for _ in range(50):
         reservoir.add(numbered(10_000))
     assert reservoir.points.shape == (1, 3)
-
-
-@pytest.mark.parametrize(("count", "size"), [(7, 7), (1_000, 64), (1_001, 1_000)])
-def test_places_are_one_in_each_part_of_a_list(count: int, size: int) -> None:
-    places = spread(count, size)
-    parts = np.arange(size + 1) * count / size
-    assert len(places) == size
-    assert (places >= np.floor(parts[:-1])).all()
-    assert (places < parts[1:]).all()
-    assert places.max() < count
-
-
-def test_places_are_not_in_regular_steps() -> None:
-    assert len(np.unique(np.diff(spread(64_000, 1_000)))) > 50

@@ -11,8 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlscli.geometry.samples import spread
 from mlscli.io.plausibility.finding import Finding, doubted, right
+from mlscli.io.plausibility.places import spread
 from mlscli.runtime.arrays import Bool, Float64
 
 _FEWEST, _SHARE = 3, 0.01

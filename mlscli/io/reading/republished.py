@@ -23,8 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlscli.geometry.samples import spread
 from mlscli.geometry.surroundings import fit_planes
+from mlscli.io.plausibility.places import spread
 from mlscli.io.reading.sieve import all_measured
 from mlscli.parameters.lengths import FARTHEST
 from mlscli.runtime.arrays import Bool, Float64, Int64
