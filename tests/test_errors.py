@@ -67,7 +67,7 @@ def test_every_option_that_is_named_is_one_of_a_command() -> None:
 
 
 # What the library names beside options: arguments that no command has.
-OTHERS = {"across", "cluster", "follow", "points", "seen"}
+OTHERS = {"across", "axes", "cluster", "follow", "points", "seen"}
 
 
 def test_every_argument_that_a_message_names_is_known() -> None:
