@@ -105,7 +105,8 @@ def _patches_at(surface: SurfaceMap, xy: Float64) -> tuple[Int64, Int64]:
     index = cell_indices(xy.astype(np.float64), surface.cell_size)
     inside = ((index >= LEAST_INDEX) & (index <= GREATEST_INDEX)).all(axis=1)
     # No cell is that of a place beyond all cells.
-    ix, iy = np.where(inside, index.T, 0).astype(np.int32)
+    # Each in one piece: kernels are compiled for such arrays, and for others when they first come.
+    ix, iy = np.where(inside, index.T, 0).astype(np.int32, order="C")
     keys, sought = pack(cells.ix, cells.iy), pack(ix, iy)
     cell = np.searchsorted(keys, sought)
     found = np.flatnonzero(inside)

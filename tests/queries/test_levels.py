@@ -15,7 +15,10 @@ from hypothesis import given
 
 from mlscli import height_at, levels_at
 from mlscli.errors import UsageError
+from mlscli.maps import cells
 from mlscli.maps.surface_map import SurfaceMap
+from mlscli.queries import levels
+from mlscli.runtime.arrays import Int32, UInt64
 from tests.helpers.maps import CELL, Patch, map_of, patches_of
 
 PATCHES = st.lists(
@@ -89,3 +92,18 @@ def test_other_arrays_are_refused(wrong: np.ndarray) -> None:
         UsageError, match=r"^below: is an array \(3,\), expected a number, or \(2,\)$"
     ):
         height_at(map_of([]), np.zeros((2, 2)), np.zeros(3))
+
+
+def test_cells_of_many_places_are_packed_by_the_kernel_that_is_compiled_ahead(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Of arrays with gaps another one would be compiled, while a new user waits.
+    packed: list[bool] = []
+
+    def pack(ix: Int32, iy: Int32) -> UInt64:
+        packed.append(ix.flags.c_contiguous and iy.flags.c_contiguous)
+        return cells.pack(ix, iy)
+
+    monkeypatch.setattr(levels, "pack", pack)
+    levels_at(map_of([Patch(0, 0, 1.0, 0.0, 0, 1)]), np.zeros((5, 2)))
+    assert packed == [True, True]
