@@ -76,7 +76,8 @@ class Pipeline:
         self.route = np.empty((0, 4))
         stages = parameters.pipeline
         self.point_stages = [s for s in stages if isinstance(s, PointStage) and s.acts]
-        map_stages = [stage for stage in stages if isinstance(stage, MapStage)]
+        sizes = self.grid.gap_size, cell_size
+        map_stages = [stage.for_gaps(*sizes) for stage in stages if isinstance(stage, MapStage)]
         bounded = takewhile(lambda stage: stage.reach(cell_size) is not None, map_stages)
         self.map_stages = list(bounded)
         self.final_stages = map_stages[len(self.map_stages) :]

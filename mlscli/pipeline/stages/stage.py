@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -165,6 +165,16 @@ class MapStage(Stage):
     @abstractmethod
     def reach(self, cell_size: float) -> int | None:
         """Return how many cells away a patch can still change a result; None: any number."""
+
+    def for_gaps(self, gap_size: float, cell_size: float) -> Self:  # noqa: ARG002
+        """Return the stage as it is for maps with such gaps: without what does nothing there.
+
+        Parameters
+        ----------
+        gap_size, cell_size : float
+            In the unit of the recording.
+        """
+        return self
 
     def sight_reach(self, cell_size: float) -> int:  # noqa: ARG002
         """Return how many cells away a point's sight line can still change a result; 0: none can.

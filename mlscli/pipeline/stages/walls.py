@@ -25,8 +25,8 @@ rule stands in `pieces.py`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -101,6 +101,11 @@ class Walls(GapStage):
         drawn = in_units(self.join, cell_size) > 0
         rounds = ROUNDS if self._farthest(cell_size) > 0 else 0
         return super().reach(cell_size) + max(beyond, self.support > 0) + drawn + rounds
+
+    def for_gaps(self, gap_size: float, cell_size: float) -> Self:
+        """Return the stage without `pieces` where none lie so far apart: it reaches less far."""
+        splits = self._farthest(cell_size) > gap_size
+        return self if splits else replace(self, pieces=0)
 
     def _farthest(self, cell_size: float) -> float:
         """Return how far apart pieces of a wall are at most, in the unit of the recording."""

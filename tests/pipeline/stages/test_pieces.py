@@ -18,6 +18,8 @@ from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.grid import Grid
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.grouping import group
+from mlscli.pipeline.pipeline import Pipeline
+from mlscli.pipeline.report import Report
 from mlscli.pipeline.stages.walls import Walls
 from mlscli.runtime.arrays import Float64
 from tests.helpers.maps import CELL, GAP, Patch, map_of, patches_of, symmetries, turned_map
@@ -46,6 +48,17 @@ def test_pieces_of_a_wall_are_joined_where_it_goes_on_on_two_sides() -> None:
     assert levels([*PIECES, *wall((-2, 0), (1, 0))]) == 3
     assert levels([*PIECES, *wall((-1, 0), (1, 0))], replace(STAGE, pieces=0.9)) == 3
     assert levels([*PIECES, *wall((-1, 0), (1, 0))], Walls(max_gap=0.0, max_gap_enhanced=0.0)) == 3
+
+
+def test_pieces_that_no_gap_splits_make_no_stage_reach_farther() -> None:
+    def reach(*settings: str) -> int:
+        parameters = load(None, ["map.cell_size=1", *settings])
+        pipeline = Pipeline(parameters, "map", Report())
+        return next(s.reach(1.0) or 0 for s in pipeline.map_stages if isinstance(s, Walls))
+
+    none = reach("map.gap_size=1.4", "walls.pieces=0")
+    assert reach("map.gap_size=1.5", "walls.pieces=1.5") == none
+    assert reach("map.gap_size=1.4", "walls.pieces=1.5") == none + 2
 
 
 def test_a_wall_beside_counts_up_to_a_gap_from_the_space_between_two_pieces() -> None:
