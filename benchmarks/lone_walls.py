@@ -2,9 +2,9 @@
 
 Run it as ``python -m benchmarks.lone_walls``; it takes some minutes. So little stands upright there
 that `gap_size: auto` is small. Flights over a field of 60 x 60 have points `GRIDS` apart, of which
-half are found, without noise and with the thesis's; each is mapped with and without `walls.pieces`,
-and with gaps as high as the vehicle. Figures are means over walls of all `HEIGHTS`, grids and
-noises.
+half are found, without noise and with the thesis's, or with ``--slam SIGMA`` with depths that err
+with the square of the distance; each is mapped with and without `walls.pieces`, and with gaps as
+high as the vehicle. Figures are means over walls of all `HEIGHTS`, grids and noises.
 """
 
 from __future__ import annotations
@@ -87,13 +87,20 @@ def standing(surface: SurfaceMap, kind: str, height: float) -> Float64:
     return np.array(found, dtype=np.float64).reshape(-1, 2)
 
 
-def rows(kind: str) -> Iterator[tuple[str, ...]]:
+def noises(grid: float, slam: float | None) -> list[Noise]:
+    """Return the noises to try; `slam`: the sigma of depths at a distance of 2."""
+    if slam is not None:
+        return [Noise("slam", Scatter(slam, slam))]
+    return [Noise(sigma=Scatter(s * grid, s * grid), salt_pepper=pepper) for s, pepper in NOISES]
+
+
+def rows(kind: str, slam: float | None) -> Iterator[tuple[str, ...]]:
     """Yield the rows of one kind of wall."""
     flights = [
-        (fly(scene(kind, height), grid, Noise(sigma=Scatter(s, s), salt_pepper=pepper)), height)
+        (fly(scene(kind, height), grid, noise), height)
         for height in HEIGHTS
         for grid in GRIDS
-        for s, pepper in ((share * grid, pepper) for share, pepper in NOISES)
+        for noise in noises(grid, slam)
     ]
     for name, settings in SETTINGS.items():
         gaps, shares, whole = [], [], []
@@ -110,9 +117,10 @@ def rows(kind: str) -> Iterator[tuple[str, ...]]:
 
 @click.command(help=__doc__)
 @click.option("--kind", "kinds", multiple=True, type=click.Choice(list(KINDS)), help="Only this.")
-def main(kinds: tuple[str, ...]) -> None:
+@click.option("--slam", type=click.FloatRange(min=0), help="Sigma of depths at a distance of 2.")
+def main(kinds: tuple[str, ...], slam: float | None) -> None:
     """Print the table."""
-    for line in lines(HEAD, (row for kind in kinds or KINDS for row in rows(kind))):
+    for line in lines(HEAD, (row for kind in kinds or KINDS for row in rows(kind, slam))):
         click.echo(line)
 
 
