@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import NoneType
 from typing import IO, Any
 
 import numpy as np
@@ -75,6 +76,7 @@ def write_map(
         Where the file exists and `overwrite` is False, or it cannot be written.
     """
     expect(surface, (SurfaceMap, StoredMap), "surface", "a map (SurfaceMap)")
+    expect(points, (KeptPoints, NoneType), "points", "points kept beside a map (KeptPoints)")
     with (
         atomic_write(path, overwrite=overwrite) as stream,
         zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive,

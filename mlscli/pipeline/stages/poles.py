@@ -17,7 +17,25 @@ _FEWEST_IN_A_ROW = 2
 def is_pole(
     grid: PointGrid, around: Int64, i: int, z: float, radius: float, level: float, close: float
 ) -> bool:
-    """Return whether a point is of a pole."""
+    """Return whether a point is of a pole.
+
+    Parameters
+    ----------
+    grid : PointGrid
+    around : int64 (C,)
+        The columns of the grid in which neighbours are sought.
+    i : int
+        The point.
+    z : float
+        The height from which neighbours are sought, in the unit of the points.
+    radius : float
+        How far beside the point others count as beside it, horizontally, in the same unit.
+    level : float
+        What is nearer than this, horizontally, is not beside it; neighbours are sought twice as far
+        upwards and downwards.
+    close : float
+        What is nearer than this, horizontally, is of the pole itself.
+    """
     xyz, fine, first = grid.xyz, grid.fine, grid.first
     x, y = xyz[i, 0], xyz[i, 1]
     beside, own = 0, 0
