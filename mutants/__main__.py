@@ -4,8 +4,9 @@
 
 The tests of a module are those that mirror it (`tests/maps/test_strips.py`) or, where it has none,
 those that `mutants/tests.txt` names. Each mutant has a process of its own, in which the kernels
-that it is part of are compiled anew. It is caught where a test fails, ten times the usual time goes
-by, or 4 GiB do not suffice. Survivors are printed, but for those in `mutants/equivalent.txt`,
+that it is part of are compiled anew. It is caught where a test fails, five times the usual time
+goes by, or 4 GiB do not suffice. Survivors are printed, but for those in
+`mutants/equivalent.txt`,
 with the reason why no test can tell them. The status is 1 where another one survives.
 """
 
@@ -95,7 +96,7 @@ def main() -> int:
             sys.stdout.write(f"{module}: {len(chosen)} of {len(every)} mutants, {seconds:.0f} s\n")
             for mutant in chosen:
                 total += 1
-                if not tried(tests, 60 + int(10 * seconds), module, mutant):
+                if not tried(tests, 30 + int(5 * seconds), module, mutant):
                     caught += 1
                 elif f"{module}.{mutant.name}" in equivalent:
                     known += 1

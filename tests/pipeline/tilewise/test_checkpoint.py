@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 from shutil import copytree, rmtree
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -197,6 +198,16 @@ def test_another_build_is_refused_with_the_difference_named(
     monkeypatch.setattr(identities, "_code", lambda: "changed")
     with pytest.raises(UsageError, match=r'program\.code is "changed" here, and "\w{16}" in'):
         made(flight, target, resume=True)
+
+
+def test_a_folder_is_known_by_the_size_of_all_that_lies_in_it(tmp_path: Path) -> None:
+    folder = tmp_path / "recording"
+    (folder / "parts").mkdir(parents=True)
+    (folder / "metadata.yaml").write_text("12345")
+    (folder / "parts/a.db3").write_text("678")
+    recording: Any = SimpleNamespace(sources=[str(folder)], options={})
+    made_of = identities.identity(recording, mlscli.Parameters())
+    assert made_of["bytes"] == {str(folder): 8}
 
 
 def test_what_another_build_left_is_used_by_nobody_who_does_not_say_so(
