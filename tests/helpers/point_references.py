@@ -74,7 +74,7 @@ def of_pole(rows: list[Point], i: int, z: float, nb_radius: float, level: float)
     near = level if above and below else 2 * level
     close = sum(abs(dz) <= 2 * level for dz in column)
     beside = sum(abs(dz) <= near for dz in ring)
-    return close >= 3 and beside <= min(24, close / 2) and above + below >= 2
+    return close >= 3 and beside <= min(8, close / 2) and above + below >= 2
 
 
 def along_slope(

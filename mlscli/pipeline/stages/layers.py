@@ -9,7 +9,7 @@ are told from outliers and floors by what stands beside them: nothing. A point i
   stand close about it, at horizontal distances of at most half of `level`;
 - what stands close about it goes on, at any height, through two layers at least that follow its own
   without a gap, those above and below added up;
-- half as many at most, and never more than 24, stand beside it, more than 1.5 times `level` away
+- half as many at most, and never more than 8, stand beside it, more than 1.5 times `level` away
   and at most the radius. Where the column goes on both above and below the point, those of its
   layer count, else those at most the thickness of a layer above or below it: so the foot of a pole
   may stand on a floor, and no outlier on a wall.
@@ -32,7 +32,7 @@ _LAYERS = 2 * _FARTHEST_LAYER + 1
 _CLOSE, _FEWEST = 0.5, 3
 # Beside it, so many times `level` away and more, stand so many at most, and at most this share of
 # those close about it; and it goes on through so many layers.
-_WIDE, _MOST_BESIDE, _BESIDE, _GOES_ON = 1.5, 24, 0.5, 2
+_WIDE, _MOST_BESIDE, _BESIDE, _GOES_ON = 1.5, 8, 0.5, 2
 
 
 @inner
