@@ -1,7 +1,8 @@
 """Bags to points, beside rosbags alone, which does not decode the points.
 
 600 PointCloud2 messages of 20,000 points as drivers send them, x, y, z and intensity in float32,
-are written as a ROS 1 bag, a ROS 2 bag and an MCAP file. `open_recording`, whose keyframes are
+are written as a ROS 1 bag, a ROS 2 bag and an MCAP file. In one more bag of ROS 1, 20,000 messages
+of three transforms move a hundred clouds of 1,000 points. `open_recording`, whose keyframes are
 read, takes turns with rosbags' `AnyReader`, which only deserializes the messages. Each run is a new
 process: ``python -m benchmarks.topics.reading READER BAG``.
 """
@@ -13,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -21,7 +23,7 @@ import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from benchmarks.process import ran
 from benchmarks.table import Row, Timer
@@ -29,6 +31,9 @@ from benchmarks.table import Row, Timer
 MESSAGES, POINTS = 600, 20_000
 TYPE = "sensor_msgs/msg/PointCloud2"
 FLOAT32 = 7
+TRANSFORMS, CLOUDS, SMALL = 20_000, 100, 1_000
+LINKS = (("map", "odom"), ("odom", "base"), ("base", "lidar"))
+INSTEAD = "rosbags' AnyReader"
 KINDS = {"ROS 1": "flight.bag", "ROS 2 (SQLite)": "flight", "MCAP": "flight_mcap"}
 
 
@@ -38,16 +43,26 @@ def rows(timer: Timer) -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as folder:
             bag = Path(folder, name)
             write(bag, kind)
-            runs: dict[str, list[tuple[float, float]]] = {reader: [] for reader in READERS}
-            for _ in range(timer.repeats):
-                for reader, each in runs.items():
-                    each.append(_measured(reader, bag, cpu=timer.cpu))
-        times = (median(seconds for seconds, _ in each) for each in runs.values())
-        mine, other = (MESSAGES * POINTS / seconds / 1e6 for seconds in times)
-        peak, others = (median(most for _, most in each) for each in runs.values())
-        what, instead = f"{kind}, {MESSAGES * POINTS:,} points", "rosbags' AnyReader"
-        yield Row(what, mine, "M points/s", instead, other, 0.9)
-        yield Row(f"{what}: peak of memory", peak, "MB", instead, others)
+            (mine, peak), (other, others) = _in_turn(bag, timer)
+        what, amount = f"{kind}, {MESSAGES * POINTS:,} points", MESSAGES * POINTS / 1e6
+        yield Row(what, amount / mine, "M points/s", INSTEAD, amount / other, 0.9)
+        yield Row(f"{what}: peak of memory", peak, "MB", INSTEAD, others)
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder, "transforms.bag")
+        write_transforms(bag)
+        (mine, _), (other, _) = _in_turn(bag, timer)
+    amount = TRANSFORMS * len(LINKS) / 1e3
+    what = f"{TRANSFORMS * len(LINKS):,} transforms, {CLOUDS} clouds"
+    yield Row(what, amount / mine, "thousand transforms/s", INSTEAD, amount / other)
+
+
+def _in_turn(bag: Path, timer: Timer) -> list[tuple[float, float]]:
+    """Return for each reader the median time (s) and the median peak of memory (MB)."""
+    runs: list[list[tuple[float, float]]] = [[] for _ in READERS]
+    for _ in range(timer.repeats):
+        for reader, each in zip(READERS, runs, strict=True):
+            each.append(_measured(reader, bag, cpu=timer.cpu))
+    return [(median(s for s, _ in each), median(most for _, most in each)) for each in runs]
 
 
 def write(path: Path, kind: str) -> None:
@@ -66,7 +81,39 @@ def write(path: Path, kind: str) -> None:
             writer.write(connection, number * 10**8, serialize(content, TYPE))
 
 
-def message(types: Any, number: int, points: Any, *, is_ros1: bool) -> object:
+def write_transforms(path: Path) -> None:
+    """Write clouds in the frame of a sensor, and the transforms that move them, as a ROS 1 bag."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    tf = "tf2_msgs/msg/TFMessage"
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", tf))
+    types, geometry = store.types, "geometry_msgs/msg/"
+    rng = np.random.default_rng(1)
+    with Writer1(path) as writer:
+        moves = writer.add_connection("/tf", tf, typestore=store)
+        clouds = writer.add_connection("/cloud", TYPE, typestore=store)
+        for number in range(TRANSFORMS):
+            nanoseconds = number * 5_000_000
+            cloud = message(types, 0, rng.uniform(-5, 5, (SMALL, 4)).astype("<f4"), is_ros1=True)
+            header = cloud.header
+            header.stamp.sec, header.stamp.nanosec = divmod(nanoseconds, 10**9)
+            at = types[f"{geometry}Vector3"](x=number / 100, y=0.0, z=1.0)
+            turn = types[f"{geometry}Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+            told = [
+                types[f"{geometry}TransformStamped"](
+                    header=replace(header, frame_id=parent),
+                    child_frame_id=child,
+                    transform=types[f"{geometry}Transform"](translation=at, rotation=turn),
+                )
+                for parent, child in LINKS
+            ]
+            content = store.serialize_ros1(types[tf](transforms=told), tf)
+            writer.write(moves, nanoseconds, content)
+            if number % (TRANSFORMS // CLOUDS) == 0:
+                header.frame_id = LINKS[-1][1]
+                writer.write(clouds, nanoseconds, store.serialize_ros1(cloud, TYPE))
+
+
+def message(types: Any, number: int, points: Any, *, is_ros1: bool) -> Any:
     """Return a PointCloud2 message in the frame ``map``.
 
     Parameters
@@ -116,7 +163,7 @@ def by_anyreader(path: Path) -> int:
             reader.deserialize(data, connection.msgtype)
             for connection, _, data in reader.messages()
         )
-        return sum(message.width for message in messages)
+        return sum(getattr(message, "width", 0) for message in messages)
 
 
 READERS: dict[str, Callable[[Path], int]] = {"mls": by_mls, "AnyReader": by_anyreader}
@@ -135,7 +182,7 @@ def _main(reader: str, bag: Path) -> None:
     begin, cpu = time.perf_counter(), time.process_time()
     found = READERS[reader](bag)
     spent = time.perf_counter() - begin, time.process_time() - cpu
-    if found != MESSAGES * POINTS:
+    if found not in (MESSAGES * POINTS, CLOUDS * SMALL):
         raise SystemExit(f"{reader} found {found} points in {bag}")
     sys.stdout.write(json.dumps(spent))
 

@@ -176,7 +176,7 @@ class History:
         for number, poses in enumerate(moving):
             streams.setdefault(_stream(poses), []).append(number)
         logged = np.array([poses.logged for poses in moving])
-        stamps = np.array([poses.stamps.max() for poses in moving])
+        stamps = _latest(moving)
         self.times = np.concatenate((self.times, np.column_stack((stamps, logged))))
         epochs = Epochs.of({key: (logged[rows], stamps[rows]) for key, rows in streams.items()})
         if jumps := [(begin.before, begin.after) for begin in epochs.begins]:
@@ -292,6 +292,14 @@ def _add_moving(tree: TransformTree, told: Iterable[StampedPoses]) -> None:
             column(run, "translations"),
             column(run, "quaternions"),
         )
+
+
+def _latest(moving: Sequence[StampedPoses]) -> Float64:
+    """Return the latest stamp of each, (N,); none of them is empty."""
+    if not moving:
+        return np.empty(0)
+    begins = np.cumsum([0, *(len(poses.stamps) for poses in moving[:-1])])
+    return np.maximum.reduceat(column(moving, "stamps"), begins)
 
 
 def _stream(poses: StampedPoses) -> tuple[str, str, str]:
