@@ -19,6 +19,9 @@ _FAR = 10
 _SHARE = 0.9
 """The share of the points that does."""
 
+_FIRST = 10
+"""So many of what follows must be points by themselves: the header of another file is longer."""
+
 
 def more_than(declared: int, there: int) -> str:
     """Return the note on a file that holds more points than its header declares."""
@@ -44,7 +47,8 @@ def count_of(points: Float64, declared: int) -> Finding[int]:
     known, more = points[:declared], points[declared:]
     if not len(more) or not more.any():
         return right(declared)
-    if is_scene(more) and _are_near(more, known):
+    first = more[more.any(axis=1)][:_FIRST]
+    if all(is_scene(part) and _are_near(part, known) for part in (first, more)):
         return doubted(len(points), more_than(declared, len(points)))
     return refused(
         f"what follows the {some(declared, 'point')} that its header declares, room for "
