@@ -10,6 +10,7 @@
   programs whose stamps are whole nanoseconds and which commas part.
 - KITTI: twelve columns, a matrix 3 x 4 row by row, without stamps.
 - ``x y z qx qy qz qw`` without stamps.
+- Attitudes before positions, with stamps or without; told by what has length 1.
 - g2o: ``VERTEX_SE3:QUAT id x y z qx qy qz qw`` or ``VERTEX_SE2 id x y theta``, among other lines.
 """
 
@@ -31,6 +32,7 @@ POSITION, QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
 TUM = ("stamp", *POSITION, *QUATERNION)
 W_LAST, W_FIRST = "x y z w", "w x y z"
 _EUROC = (*TUM[:4], "qw", "qx", "qy", "qz")
+_TURNED = {W_LAST: QUATERNION, W_FIRST: _EUROC[4:]}
 MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
 
 GRAPH = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
@@ -68,6 +70,11 @@ class PoseColumns(NamedTuple):
     layout: Layout
     order: str = ""
 
+    @property
+    def is_turned(self) -> bool:
+        """Whether attitudes are taken to stand before positions, though no name says so."""
+        return bool(self.order) and self.layout.places["qx"] < self.layout.places["x"]
+
 
 def by_names(opening: Opening) -> PoseColumns | None:
     """Return the columns that a header or comment names; None where it names no positions."""
@@ -103,12 +110,17 @@ def by_numbers(
         return PoseColumns(ordered(MATRIX))
     if width in _W_FIRST and in_time and _are_unit(values[:, 4:8]):
         return PoseColumns(ordered(_EUROC), W_FIRST)
-    if width >= len(TUM) and in_time and _are_unit(values[:, 4:8]):
-        if separator == "," and values[0, 0] >= SECONDS_BELOW:
-            return PoseColumns(ordered(_EUROC), W_FIRST)
-        return PoseColumns(ordered(TUM), W_LAST)
-    if width == len(TUM) - 1 and _are_unit(values[:, 3:7]):
-        return PoseColumns(ordered(TUM[1:]), W_LAST)
+    is_timed = width >= len(TUM) and in_time
+    first = is_timed and separator == "," and values[0, 0] >= SECONDS_BELOW
+    order = W_FIRST if first else W_LAST
+    stamp = TUM[:1] if is_timed else ()
+    rest = values[:, len(stamp) :]
+    if not is_timed and width != len(TUM) - 1:
+        return None
+    if _are_unit(rest[:, 3:7]):
+        return PoseColumns(ordered((*stamp, *POSITION, *_TURNED[order])), order)
+    if rest.shape[1] == len(TUM) - 1 and _are_unit(rest[:, :4]):
+        return PoseColumns(ordered((*stamp, *_TURNED[order], *POSITION)), order)
     return None
 
 

@@ -127,6 +127,8 @@ def read_trajectory(path: Path) -> Trajectory:
     notes = []
     if columns.order == W_FIRST:
         notes.append(f"{path}: the quaternions are taken as w x y z, as VINS and EuRoC write them")
+    if columns.is_turned:
+        notes.append(f"{path}: the quaternions, which have length 1, stand before the positions")
     return replace(_trajectory(path, rows, columns, notes), losses=tuple(losses))
 
 
