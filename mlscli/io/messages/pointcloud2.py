@@ -16,7 +16,7 @@ import numpy as np
 
 from mlscli.io.messages.parts import CloudPart, MalformedCloudError, part_of
 from mlscli.io.plausibility.halves import unveiled
-from mlscli.io.plausibility.layouts import Layout, layout_of
+from mlscli.io.plausibility.layouts import Layout, layout_of, offsets_of
 from mlscli.io.plausibility.readings import likelier, looks_right, sample
 from mlscli.io.ros import DATATYPES
 from mlscli.io.source import keyframe_field, side_by_side
@@ -180,10 +180,13 @@ def decode_pointcloud2(message: Any) -> list[CloudPart]:
     for field in message.fields:
         if field.name not in fields:
             fields[field.name] = field
-    found = layout_of(data, stated, 0 if stated.point_step else _end(fields))
+    end = _end(fields)
+    found = layout_of(data, stated, end)
     layout = found.accepted(MalformedCloudError)
-    points, keyframes, doubt = np.empty((0, 3)), None, ""
+    points, keyframes, misplaced, doubt = np.empty((0, 3)), None, "", ""
     if layout.height and layout.width:
+        if end > layout.point_step:
+            fields, misplaced = _placed(message.fields, layout.point_step)
         packed = Packed(
             data,
             (layout.height, layout.width),
@@ -195,15 +198,30 @@ def decode_pointcloud2(message: Any) -> list[CloudPart]:
         points, keyframes, doubt = packed.judged()
     part = part_of(points, message.header.frame_id, message.header.stamp, keyframes)
     part = part._replace(is_ranged=not _LASERS.isdisjoint(fields))
-    if found.note or doubt:
-        part = part._replace(doubts=tuple(filter(None, (found.note, doubt))))
+    if found.note or misplaced or doubt:
+        part = part._replace(doubts=tuple(filter(None, (found.note, misplaced, doubt))))
     return [part]
+
+
+def _placed(listed: Sequence[Any], point_step: int) -> tuple[dict[str, PointField], str]:
+    """Return the fields of points, one of which ends beyond them, where they lie, and the doubt."""
+    sizes = [
+        _dtype(DATATYPES[field.datatype]).itemsize * int(field.count)
+        if field.datatype in DATATYPES
+        else 0
+        for field in listed
+    ]
+    found = offsets_of([field.offset for field in listed], sizes, point_step)
+    placed = zip(listed, found.accepted(MalformedCloudError), strict=True)
+    # Of several fields of one name the first counts.
+    fields = {field.name: PointField(at, field.datatype) for field, at in [*placed][::-1]}
+    return fields, found.note
 
 
 def _end(fields: Mapping[str, PointField]) -> int:
     """Return how many bytes of a point its fields span, as far as their types are known."""
     sizes = (
-        field.offset + np.dtype(DATATYPES[field.datatype]).itemsize
+        field.offset + _dtype(DATATYPES[field.datatype]).itemsize
         for field in fields.values()
         if field.datatype in DATATYPES
     )

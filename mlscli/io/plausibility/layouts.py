@@ -12,6 +12,8 @@ point_step bytes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 from mlscli.io.plausibility.finding import Finding, doubted, refused, right
@@ -95,6 +97,30 @@ def layout_of(data: UInt8, stated: Layout, fields_end: int) -> Finding[Layout]:
         Layout(1, there, length, point_step),
         _FEWER if points else "width or height is 0, though there are points; all are taken",
     )
+
+
+def offsets_of(stated: Sequence[int], sizes: Sequence[int], point_step: int) -> Finding[list[int]]:
+    """Return where the fields of a point lie in it, if one of them is stated to lie beyond it.
+
+    Parameters
+    ----------
+    stated : sequence of int
+        The offset of each field in bytes, as the message states it.
+    sizes : sequence of int
+        How many bytes each field takes, in the same order; 0 where that is not known.
+    point_step : int
+        Bytes from point to point.
+
+    Returns
+    -------
+    Finding of list of int
+        One behind the other where that fills a point to the byte; else as stated.
+    """
+    if all(sizes) and sum(sizes) == point_step:
+        packed = list(accumulate(sizes, initial=0))[:-1]
+        return doubted(packed, "offsets of fields contradict point_step; the fields have no gaps")
+    beyond = "offsets of fields contradict point_step; coordinates are read where they are stated"
+    return doubted(list(stated), beyond)
 
 
 def _are_joined(data: UInt8, points_end: int, row: int, row_step: int) -> bool:

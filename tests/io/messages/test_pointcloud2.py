@@ -186,6 +186,30 @@ def test_fields_that_are_not_needed_may_have_any_datatype() -> None:
     assert decode(cloud(fields=[extra, *cloud().fields])).points.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
+@pytest.mark.parametrize("more", [[], [("t", 32, 8)]])
+def test_fields_that_offsets_set_beyond_their_points_are_read_where_they_fit(
+    more: list[tuple[str, int, int]],
+) -> None:
+    # A converter multiplied the number of each field by its own size.
+    listed = [("intensity", 0, 2), ("x", 4, 7), ("y", 8, 7), ("z", 12, 7), *more]
+    fields = [SimpleNamespace(name=n, offset=at, datatype=d, count=1) for n, at, d in listed]
+    form = "<Bfff" + "d" * len(more)
+    data = b"".join(struct.pack(form, 7, k, 2.5, -k, *[1e9] * len(more)) for k in range(1, 41))
+    step = struct.calcsize(form)
+    packed = cloud(
+        fields=fields,
+        width=40,
+        point_step=step,
+        row_step=40 * step,
+        data=np.frombuffer(data, np.uint8),
+    )
+
+    found = decode(packed)
+
+    assert found.points.tolist() == [[k, 2.5, -k] for k in range(1, 41)]
+    assert found.doubts == ("offsets of fields contradict point_step; the fields have no gaps",)
+
+
 def test_of_two_fields_with_one_name_the_first_counts() -> None:
     again = SimpleNamespace(name="x", offset=8, datatype=7, count=1)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlscli.io.plausibility.layouts import Layout, layout_of
+from mlscli.io.plausibility.layouts import Layout, layout_of, offsets_of
 from mlscli.runtime.arrays import UInt8
 
 STEP, FIELDS_END = 16, 12
@@ -131,3 +131,23 @@ def test_what_fits_nothing_is_refused_and_what_was_found_differs_from_what_was_e
     assert not found.refusal.startswith("95 bytes of data, expected 95 ")
     with pytest.raises(KeyError, match="95 bytes"):
         found.accepted(KeyError)
+
+
+@pytest.mark.parametrize(
+    ("stated", "sizes", "step", "offsets", "words"),
+    [
+        # The number of the field times its own size, as a converter computed it.
+        ([0, 4, 8, 12], [1, 4, 4, 4], 13, [0, 1, 5, 9], "have no gaps"),
+        ([0, 4, 8, 12, 32], [1, 4, 4, 4, 8], 21, [0, 1, 5, 9, 13], "have no gaps"),
+        # Room that no field fills, and a field of unknown size, may be anywhere.
+        ([0, 4, 8, 32], [4, 4, 4, 8], 24, [0, 4, 8, 32], "read where they are stated"),
+        ([0, 4, 8, 32], [4, 4, 4, 0], 12, [0, 4, 8, 32], "read where they are stated"),
+    ],
+)
+def test_fields_beyond_their_point_follow_one_another_where_that_fills_it(
+    stated: list[int], sizes: list[int], step: int, offsets: list[int], words: str
+) -> None:
+    found = offsets_of(stated, sizes, step)
+
+    assert found.value == offsets
+    assert words in found.note
