@@ -29,6 +29,10 @@ _OBJ = re.compile(
     rb"(?:[ \t]*(?:#[^\n]*|mtllib[^\n]*|[og]\b[^\n]*)?\r?\n)*"
     rb"v[ \t]+[-+.0-9][^\0]*\n(?:f|vn|vt)[ \t]"
 )
+# What vertices have besides a place, the keyword, and counts behind it or in the next line.
+_OFF = re.compile(rb"\s*(?:#[^\n]*\n\s*)*(?:ST)?C?N?4?n?OFF(?:\s+BINARY|(?:\s|#[^\n]*\n)*\d)")
+_STL = re.compile(rb"\s*solid\b[^\n]*\n\s*facet\s+normal\s")
+_NVM = re.compile(rb"\s*NVM_V\d")
 # Not a text of rows in brackets.
 _JSON = re.compile(rb"\s*(?:\{|\[(?![^\]\n]*\][ \t]*\r?\n\s*\[))")
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
@@ -290,6 +294,13 @@ FORMATS = (
     ),
     Format("a mesh (Wavefront OBJ)", lambda _, head: bool(_OBJ.match(head))),
     Format("a mesh (glTF)", _starting(b"glTF")),
+    Format("a mesh (OFF)", lambda _, head: bool(_OFF.match(head))),
+    Format("a mesh (STL)", lambda _, head: bool(_STL.match(head))),
+    Format("a data set of VTK (ParaView saves it as PLY)", _starting(b"# vtk DataFile")),
+    Format(
+        "a reconstruction of Bundler (which writes a PLY beside it)", _starting(b"# Bundle file")
+    ),
+    Format("a reconstruction of VisualSFM (NVM)", lambda _, head: bool(_NVM.match(head))),
     Format("an E57 file (PDAL and CloudCompare make a LAS of it)", _starting(b"ASTM-E57")),
     Format("a BIN of CloudCompare (which saves it as LAS or PLY)", _starting(b"CCB2")),
     Format(

@@ -114,6 +114,15 @@ def test_a_grid_of_heights_is_named(tmp_path: Path) -> None:
         ),
         (b"v 1 2 3\r\nv 1 2 4\r\nf 1 2 1\r\n", "a mesh (Wavefront OBJ)"),
         (b"glTF\2\0\0\0", "a mesh (glTF)"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "a mesh (OFF)"),
+        # As ModelNet has it; with colours, as MeshLab writes it; packed.
+        (b"OFF3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "a mesh (OFF)"),
+        (b"# by a program\nCOFF # colours\n\n1 0 0\n0 0 0 9 9 9 255\n", "a mesh (OFF)"),
+        (b"OFF BINARY\n\0\0\0\3", "a mesh (OFF)"),
+        (b"solid a room\nfacet normal 0 0 1\n outer loop\n", "a mesh (STL)"),
+        (b"# vtk DataFile Version 4.2\nvtk output\nASCII\n", "a data set of VTK (ParaView"),
+        (b"# Bundle file v0.3\n1 1\n700 0 0\n1 0 0\n0 1 0\n0 0 1\n", "a reconstruction of Bundler"),
+        (b"NVM_V3 \n\n1\na.jpg 700 1 0 0 0 0 0 0 0 0\n", "a reconstruction of VisualSFM (NVM)"),
         (b"ASTM-E57\1\0\0\0", "an E57 file (PDAL"),
         (b"CCB2\0\0", "a BIN of CloudCompare"),
         (
@@ -132,6 +141,16 @@ def test_what_is_no_cloud_is_called_by_its_name(tmp_path: Path, content: bytes, 
 
     with pytest.raises(InputError, match=f"is {re.escape(name)}"):
         open_source(path)
+
+
+@pytest.mark.parametrize("header", ["OFF x y z", "solid x y z", "# OFF", "# Bundle of points"])
+def test_a_text_whose_header_begins_like_a_format_is_a_text(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(f"{header}\n{'1 2 3 4' if 'x' in header else '1 2 3'}\n")
+
+    (keyframe,) = open_source(path).clouds()
+
+    assert len(keyframe.points) == 1
 
 
 @pytest.mark.parametrize("content", ["v 1 2 3\nv 4 5 6\n", "[1, 2, 3]\n[4, 5, 6]\n"])
