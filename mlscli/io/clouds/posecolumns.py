@@ -161,6 +161,19 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
     )
 
 
+def columns_of_positions(opening: Opening) -> str:
+    """Return the option `columns` that reads the positions of poses; empty where none can."""
+    named = by_names(opening)
+    found = named or by_numbers(opening.rows, opening.width, opening.dialect.separator)
+    if found is None:
+        return ""
+    places = found.layout.places
+    axes = {place: axis for axis, place in places.items() if axis in POSITION}
+    # The last column of a matrix.
+    axes = axes or {places[f"m{row}3"]: axis for row, axis in enumerate(POSITION)}
+    return ",".join(axes.get(place, "-") for place in range(max(axes) + 1))
+
+
 def ordered(names: Sequence[str]) -> Layout:
     """Return the layout of columns in this order."""
     return Layout({name: place for place, name in enumerate(names)})

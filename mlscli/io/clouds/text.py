@@ -27,7 +27,7 @@ from mlscli.io.clouds.dialect import open_text
 from mlscli.io.clouds.layouts import layout_of, unused_note
 from mlscli.io.clouds.opening import read_opening
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
-from mlscli.io.clouds.posecolumns import are_poses_of_a_craft
+from mlscli.io.clouds.posecolumns import are_poses_of_a_craft, columns_of_positions
 from mlscli.io.clouds.rows import LONGEST_ROW, BrokenRowError, Rows, blocks, parse, short
 from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.io.plausibility.counts import more_than
@@ -287,9 +287,11 @@ class _Parser:
 
     def _refuse_trajectory(self) -> None:
         if are_poses_of_a_craft(self.opening):
+            columns = columns_of_positions(self.opening)
+            other = f", or `columns` {columns} to take it for points all the same"
             raise InputError(
                 f"{self.path}: holds no cloud but a trajectory; name the cloud, and this file "
-                "after `route`, or `columns` -,x,y,z to take it for points all the same"
+                f"after `route`{other if columns else ''}"
             )
 
 

@@ -250,6 +250,21 @@ def test_each_format_is_read_as_a_route_and_refused_as_a_cloud(tmp_path: Path, n
         list(TextCloud(tmp_path / "traj.txt").clouds())
 
 
+@pytest.mark.parametrize("name", [*FORMATS, "KITTI"])
+def test_the_columns_that_a_refused_trajectory_names_read_its_positions(
+    tmp_path: Path, name: str
+) -> None:
+    content = "".join(map(kitti, range(6))) if name == "KITTI" else FORMATS[name]
+    path = text(tmp_path, content)
+    with pytest.raises(InputError, match="after `route`, or `columns`") as caught:
+        list(TextCloud(path).clouds())
+    columns = str(caught.value).split("`columns` ")[1].split()[0]
+
+    points = np.concatenate([each.points for each in TextCloud(path, columns).clouds()])
+
+    assert points.tolist() == [[n / 2, n % 2 + 0.25, 1.5] for n in range(6)]
+
+
 @pytest.mark.parametrize(
     ("content", "order"),
     [
