@@ -236,7 +236,13 @@ def _vouched(header: laspy.LasHeader, points: Float64, *, broken: bool) -> Findi
     chained = header.are_points_compressed
     slack = 2 * np.abs(header.scales) + 1e-9 * np.abs(header.maxs)
     found = within_bounds(
-        points, header.mins, header.maxs, slack, chained=chained, broken=chained and broken
+        points,
+        header.mins,
+        header.maxs,
+        slack,
+        chained=chained,
+        broken=chained and broken,
+        unwritten=None if chained else np.asarray(header.offsets),
     )
     if not chained or found.value is None or found.value.all():
         return found

@@ -25,6 +25,7 @@ def within_bounds(
     *,
     chained: bool = False,
     broken: bool = False,
+    unwritten: Float64 | None = None,
 ) -> Finding[Bool]:
     """Return which points can be what was measured, by the bounds of all of them.
 
@@ -40,13 +41,15 @@ def within_bounds(
         moves all that follow.
     broken : bool
         Whether something is known to be wrong with them; then the bounds are right.
+    unwritten : float64 (3,), optional
+        Where a record of zeros lies, if points are stored one by one.
 
     Returns
     -------
     Finding of bool (N,)
         False for points whose numbers are damaged: few that lie outside by more than the whole
-        extent, or, if chained, any that lie outside. All True, with a note, where points lie
-        outside otherwise: then the bounds are not theirs.
+        extent, or where a record of zeros does, or, if chained, any that lie outside. All True,
+        with a note, where points lie outside otherwise: then the bounds are not theirs.
     """
     extent = high - low
     is_set = np.isfinite(extent).all() and (extent >= 0).all() and (low.any() or high.any())
@@ -58,16 +61,19 @@ def within_bounds(
     inside = ((points >= low - slack) & (points <= high + slack)).all(axis=1)
     reach = slack if chained else slack + float(extent.max())
     near = ((points >= low - reach) & (points <= high + reach)).all(axis=1)
-    far = len(points) - int(near.sum())
+    written = all_kept
+    if unwritten is not None:
+        written = inside | (points != unwritten).any(axis=1)
+    far = int((written & ~near).sum())
     most = 1 if broken else _MOST_CHAINED if chained else _MOST
-    if not far or far > most * len(points):
+    if (not far and written.all()) or far > most * len(points):
         outside = len(points) - int(inside.sum())
         return doubted(
             all_kept,
             f"{outside:,} of {some(len(points), 'point')} {verb(outside, 'lies', 'lie')} outside "
             "the bounds that its header states; all are taken",
         )
-    return right(np.asarray(near))
+    return right(np.asarray(near & written))
 
 
 @kernel

@@ -394,6 +394,22 @@ def test_a_point_far_outside_the_bounds_is_damaged(tmp_path: Path) -> None:
     assert "1 of 300 points is damaged" in loss
 
 
+def test_records_that_were_never_written_are_lost(tmp_path: Path) -> None:
+    east = np.random.default_rng(2).integers(1000, 10**6, 300)
+    expected = parsed(write(tmp_path / "a.las", 300, X=east)).tolist()
+    content = bytearray((tmp_path / "a.las").read_bytes() + bytes(20 * 34))
+    struct.pack_into("<I", content, 107, 320)
+    (tmp_path / "a.las").write_bytes(content)
+
+    assert read(tmp_path / "a.las") == (
+        [expected],
+        [
+            f"{tmp_path / 'a.las'}: 20 of 320 points are damaged: some lie outside the bounds "
+            "that the header states"
+        ],
+    )
+
+
 @pytest.mark.parametrize("point_format", [3, 7])
 def test_of_damaged_compressed_points_hardly_any_is_mapped_that_was_not_there(
     tmp_path: Path, point_format: int

@@ -49,6 +49,20 @@ def test_bounds_of_other_points_are_told_and_nothing_is_dropped() -> None:
             assert outside is None or found.note.startswith("1,000 of 1,000")
 
 
+@pytest.mark.parametrize("count", [1, 900])
+def test_records_of_zeros_outside_the_bounds_are_no_points(count: int) -> None:
+    # Beside the others, as offsets are chosen; however many were never written.
+    zeros = HIGH + 1
+    points = np.concatenate([POINTS, np.tile(zeros, (count, 1))])
+    found = within_bounds(points, LOW, HIGH, SLACK, unwritten=zeros)
+
+    assert found.value is not None
+    assert np.flatnonzero(~found.value).tolist() == list(range(1000, 1000 + count))
+    inside = within_bounds(points, LOW, zeros, SLACK, unwritten=zeros)
+    assert inside.value is not None
+    assert inside.value.all()
+
+
 def test_a_few_points_far_outside_are_damaged() -> None:
     damaged = POINTS.copy()
     damaged[[3, 500], [0, 2]] = [2e6, -1000]
