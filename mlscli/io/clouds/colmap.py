@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from mlscli.errors import InputError
 from mlscli.io.clouds.cameras import Camera, by_camera
 from mlscli.io.clouds.colmapreference import georeference_of
+from mlscli.io.clouds.dialect import has_decimal_comma
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
 from mlscli.io.clouds.rows import short
 from mlscli.io.clouds.structures import Member, bytes_of, gather, read_structures
@@ -211,6 +212,7 @@ class _DeclaredCount:
         self._file = file
         self._declared = 0
         self._broken: list[str] = []
+        self._has_decimal_comma = False
 
     def passes(self, line: str) -> bool:
         """Return whether a line is blank or a comment; keep the count that it declares."""
@@ -220,10 +222,14 @@ class _DeclaredCount:
 
     def fault(self, line: str) -> None:
         """Keep a broken line."""
+        if not self._broken:
+            self._has_decimal_comma = any(map(has_decimal_comma, line.split()[:9]))
         self._broken.append(short(line.strip()))
 
     def losses(self, came: int, what: str) -> list[str]:
         """Return a line that says how many are missing; none where all came."""
         declared = max(self._declared, came + len(self._broken))
         fault = f"the first broken line is {self._broken[0]}" if self._broken else ""
+        if self._has_decimal_comma:
+            fault += ", expected decimal points"
         return [shortfall(self._file, came, declared, fault, what)] if came < declared else []

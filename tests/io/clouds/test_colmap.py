@@ -9,6 +9,7 @@ numbers against the order of names, as text and as binary; the real one is parse
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Sequence
 from pathlib import Path
@@ -358,6 +359,24 @@ def test_broken_lines_of_a_text_are_left_out_and_told(tmp_path: Path) -> None:
     assert [cloud.points[:, 0].tolist() for cloud in source.clouds()] == [[1, 3], [], [4, 5]]
     assert "1 of 3 images is missing: the first broken line is 'nine 0.7" in source.losses[0]
     assert "1 of 5 points is missing: the first broken line is '1 2.0 zero" in source.losses[1]
+
+
+def test_decimal_commas_in_a_text_are_named(tmp_path: Path) -> None:
+    # As COLMAP writes it where the locale says so.
+    model = write_text(tmp_path / "m", IMAGES, POINTS)
+    for name in ("points3D.txt", "images.txt"):
+        lines = (model / name).read_text().split("\n")
+        lines = [each if each.startswith("#") else each.replace(".", ",") for each in lines]
+        (model / name).write_text("\n".join(lines))
+
+    losses = ColmapModel(model).losses
+
+    assert [
+        re.search(r"\d,\d.*, expected decimal points$", loss) is not None for loss in losses
+    ] == [
+        True,
+        True,
+    ]
 
 
 def test_a_broken_image_is_one_whatever_its_features(tmp_path: Path) -> None:
