@@ -371,12 +371,8 @@ def test_decimal_commas_in_a_text_are_named(tmp_path: Path) -> None:
 
     losses = ColmapModel(model).losses
 
-    assert [
-        re.search(r"\d,\d.*, expected decimal points$", loss) is not None for loss in losses
-    ] == [
-        True,
-        True,
-    ]
+    assert len(losses) == 2
+    assert all(re.search(r"\d,\d.*, expected decimal points$", loss) for loss in losses)
 
 
 def test_a_broken_image_is_one_whatever_its_features(tmp_path: Path) -> None:
