@@ -16,38 +16,28 @@ import json
 import os
 import re
 import struct
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from time import monotonic
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlscli.errors import InputError, OutputError, UsageError, shorten
 from mlscli.io.writing.atomic import atomic_write
-from mlscli.keyframes.batches import Points
 from mlscli.keyframes.keyframe import Keyframe
 from mlscli.maps.cells import Limits
 from mlscli.maps.grid import Grid
-from mlscli.maps.records import PATCH, records_of, surface_of
 from mlscli.pipeline.pipeline import Pipeline
-from mlscli.pipeline.report import Report
 from mlscli.pipeline.tilewise.blocks import PointBlocks
+from mlscli.pipeline.tilewise.tile_files import DIGEST, digest_of, is_whole, keep_tiles, tiles_in
 from mlscli.pipeline.tilewise.tiles import EvaluatedTile, Tile, Workers
-from mlscli.runtime.arrays import Array
 from mlscli.runtime.notices import notice
 from mlscli.runtime.temporary import remove_abandoned
 
 _BUILD = "build.json"
 _PART = re.compile(r"tiles-(\d{6})")
-_DIGEST = 32
-# Of a tile: its number, its patches, its points (-1: not kept), the bytes of what it dropped.
-_HEAD = struct.Struct("<4q")
-_POINT = np.dtype([("xyz", np.float64, (3,)), ("keyframe", np.int32)])
-_CHUNK = 2**20
 
 
 def folder_of(target: str | os.PathLike[str]) -> Path:
@@ -115,7 +105,7 @@ class Checkpoint:
         self._every, self._resume, self._overwrite = every, resume, overwrite
         self._found: _Build | None = None
         self._lock: int | None = None
-        self._digest = hashlib.blake2b(digest_size=_DIGEST)
+        self._digest = hashlib.blake2b(digest_size=DIGEST)
         self._identity: dict[str, Any] = {}
 
     def __enter__(self) -> Checkpoint:
@@ -211,11 +201,11 @@ class Checkpoint:
             return
         known: set[int] = set()
         for path in self._parts():
-            if not self._is_whole(path):
+            if not is_whole(path, self._id):
                 notice(f"{path}: is damaged, or of another build; its tiles are evaluated anew")
                 path.unlink()
                 continue
-            for number, tile in _tiles_in(path, grid):
+            for number, tile in tiles_in(path, grid):
                 if number not in known:
                     known.add(number)
                     yield number, tile
@@ -235,7 +225,7 @@ class Checkpoint:
         for first in tiles:
             number += 1
             due = monotonic() + self._every
-            with self._part(f"tiles-{number:06d}") as put:
+            with keep_tiles(self.folder / f"tiles-{number:06d}", self._id) as put:
                 put(*first)
                 yield first
                 if monotonic() >= due:
@@ -277,7 +267,7 @@ class Checkpoint:
         rows = [[*tile.limits, tile.points] for tile in build.tiles]
         content = json.dumps([*build[:-1], rows])
         with atomic_write(self.folder / _BUILD) as stream:
-            stream.write(f"{_digest_of(content)}\n{content}\n".encode())
+            stream.write(f"{digest_of(content)}\n{content}\n".encode())
         self.__dict__.pop("_id", None)
 
     def _remove_files(self) -> None:
@@ -294,7 +284,7 @@ class Checkpoint:
             return None
         try:
             digest, content = path.read_text(encoding="utf-8").splitlines()
-            if digest != _digest_of(content):
+            if digest != digest_of(content):
                 raise ValueError
             identity, points, every, rows = json.loads(content)
             tiles = [Tile(Limits(*row[:4]), int(row[4])) for row in rows]
@@ -321,39 +311,7 @@ class Checkpoint:
     @cached_property
     def _id(self) -> bytes:
         """What each file of the checkpoint begins with: a digest of `build.json`."""
-        return bytes.fromhex(_digest_of((self.folder / _BUILD).read_text(encoding="utf-8")))
-
-    @contextmanager
-    def _part(self, name: str) -> Iterator[Callable[[int, EvaluatedTile], None]]:
-        """Give a function that keeps tiles; they are there once the block has ended."""
-        digest = hashlib.blake2b(digest_size=_DIGEST)
-
-        def write(data: Any) -> None:
-            digest.update(data)
-            stream.write(data)
-
-        def put(number: int, tile: EvaluatedTile) -> None:
-            for data in _packed(number, tile):
-                write(data)
-
-        with atomic_write(self.folder / name) as stream:
-            write(self._id)
-            yield put
-            stream.write(digest.digest())
-
-    def _is_whole(self, path: Path) -> bool:
-        """Whether a file belongs to this checkpoint, and has the digest that it ends with."""
-        left = path.stat().st_size - _DIGEST
-        digest = hashlib.blake2b(digest_size=_DIGEST)
-        with path.open("rb") as stream:
-            if stream.read(_DIGEST) != self._id:
-                return False
-            digest.update(self._id)
-            left -= _DIGEST
-            while left > 0 and (data := stream.read(min(left, _CHUNK))):
-                digest.update(data)
-                left -= len(data)
-            return stream.read() == digest.digest()
+        return bytes.fromhex(digest_of((self.folder / _BUILD).read_text(encoding="utf-8")))
 
 
 class _KeepingWorkers:
@@ -385,50 +343,6 @@ class _KeepingWorkers:
         evaluated = self._workers.evaluate_all(pipeline, blocks, [tiles[n] for n in left])
         for _, tile in self._checkpoint.keeping(zip(left, evaluated, strict=True)):
             yield tile
-
-
-def _packed(number: int, tile: EvaluatedTile) -> Iterator[Any]:
-    """Yield the bytes of a tile, part by part."""
-    dropped = json.dumps(tile.report.dropped).encode()
-    points = -1 if tile.filtered is None else tile.filtered.size
-    yield _HEAD.pack(number, tile.surface.size, points, len(dropped))
-    yield dropped
-    yield _bytes_of(records_of(tile.surface))
-    if tile.filtered is not None:
-        kept = np.empty(points, _POINT)
-        kept["xyz"], kept["keyframe"] = tile.filtered.xyz, tile.filtered.keyframe
-        yield _bytes_of(kept)
-
-
-def _tiles_in(path: Path, grid: Grid) -> Iterator[tuple[int, EvaluatedTile]]:
-    """Yield the tiles of a file that is whole."""
-    end = path.stat().st_size - _DIGEST
-    with path.open("rb") as stream:
-        stream.seek(_DIGEST)
-        while stream.tell() < end:
-            number, patches, points, size = _HEAD.unpack(stream.read(_HEAD.size))
-            report = Report(dropped=Counter(json.loads(stream.read(size))))
-            surface = surface_of(_array_from(stream, PATCH, patches), grid)
-            filtered = None
-            if points >= 0:
-                kept = _array_from(stream, _POINT, points)
-                columns = (np.ascontiguousarray(kept[name]) for name in ("xyz", "keyframe"))
-                filtered = Points.of(*columns)
-            yield number, EvaluatedTile(surface, report, filtered)
-
-
-def _bytes_of(array: Array) -> Any:
-    return array.view(np.uint8).data
-
-
-def _array_from(stream: BinaryIO, dtype: np.dtype[Any], size: int) -> Array:
-    array = np.empty(size, dtype)
-    stream.readinto(_bytes_of(array))  # type: ignore[attr-defined]
-    return array
-
-
-def _digest_of(text: str) -> str:
-    return hashlib.blake2b(text.encode(), digest_size=_DIGEST).hexdigest()
 
 
 def _differences(
