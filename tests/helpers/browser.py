@@ -9,6 +9,8 @@ import os
 import shutil
 import subprocess
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -167,3 +169,14 @@ class Browser:
         self._process.wait(PATIENCE)
         os.close(self._to)
         os.close(self._from)
+
+
+@contextmanager
+def telephone(browser: Browser) -> Iterator[None]:
+    """Let pages be as narrow as on a telephone, 420 by 800 pixels, within the block."""
+    size = {"width": 420, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+    browser("Emulation.setDeviceMetricsOverride", **size)
+    try:
+        yield
+    finally:
+        browser("Emulation.clearDeviceMetricsOverride")

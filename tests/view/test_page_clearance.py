@@ -19,7 +19,7 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.queries.clearance import FITS, VERDICTS, clearance
 from mlscli.runtime.arrays import Float64
 from mlscli.view.fitting import seen_runs
-from tests.helpers.browser import Browser
+from tests.helpers.browser import Browser, telephone
 from tests.helpers.pages import CELL, crossing, middle, opened, readout
 from tests.view.test_page_tools import area, click
 
@@ -135,14 +135,7 @@ def test_a_craft_that_is_none_and_an_address_of_anybody_do_no_harm(
 def test_on_a_telephone_the_craft_is_named_in_the_panel_and_clicked_beside_it(
     browser: Browser, tmp_path: Path
 ) -> None:
-    browser(
-        "Emulation.setDeviceMetricsOverride",
-        width=420,
-        height=800,
-        deviceScaleFactor=1,
-        mobile=True,
-    )
-    try:
+    with telephone(browser):
         page = opened(browser, tmp_path / "map.html", crossing())
         page.click("#panel summary")
         page.click("#fit")
@@ -152,8 +145,6 @@ def test_on_a_telephone_the_craft_is_named_in_the_panel_and_clicked_beside_it(
         click(page, *middle(page))
         assert page.text("#fitted").splitlines()[0] in VERDICTS
         assert area(page, "#told") < 0.25 * 420 * 800
-    finally:
-        browser("Emulation.clearDeviceMetricsOverride")
 
 
 def test_voxels_that_were_seen_are_kept_as_runs() -> None:

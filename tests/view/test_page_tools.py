@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from mlscli.runtime.arrays import Array
-from tests.helpers.browser import Browser
+from tests.helpers.browser import Browser, telephone
 from tests.helpers.pages import CELL, DECK, crossing, ground, middle, opened, painted, readout
 
 HASH = "location.hash"
@@ -226,14 +226,7 @@ def picture(address: str) -> Array:
 
 
 def test_on_a_telephone_nothing_hides_the_map(browser: Browser, tmp_path: Path) -> None:
-    browser(
-        "Emulation.setDeviceMetricsOverride",
-        width=420,
-        height=800,
-        deviceScaleFactor=1,
-        mobile=True,
-    )
-    try:
+    with telephone(browser):
         page = opened(browser, tmp_path / "map.html", crossing())
         folded = area(page, "#panel")
         assert folded < 0.05 * 420 * 800
@@ -251,8 +244,6 @@ def test_on_a_telephone_nothing_hides_the_map(browser: Browser, tmp_path: Path) 
         assert box(page, "#panel")[3] <= box(page, "#flight")[1]
         assert box(page, "#scale")[3] <= box(page, "#flight")[1]
         assert page.errors == []
-    finally:
-        browser("Emulation.clearDeviceMetricsOverride")
 
 
 def box(page: Browser, selector: str) -> list[float]:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from mlscli.pipeline.stages.point_grid import SHORT_POINTS, PointGrid, first_from
+from mlscli.pipeline.stages.point_grid import PointGrid, between
 from mlscli.runtime.arrays import Int64
 from mlscli.runtime.kernels import inner
 
@@ -83,10 +83,7 @@ def is_pole(grid: PointGrid, around: Int64, i: int, z: float, radius: float, lev
         # The point's own column, in the middle, comes first: on a floor it is enough.
         column = around[(k + len(around) // 2) % len(around)]
         for number in range(first[column], first[column + 1]):
-            begin, end = fine[number], fine[number + 1]
-            if end - begin > SHORT_POINTS:
-                begin = first_from(xyz, begin, end, z - near)
-                end = first_from(xyz, begin, end, z + near)
+            begin, end = between(xyz, fine[number], fine[number + 1], z - near, z + near)
             for j in range(begin, end):
                 if abs(xyz[j, 2] - z) <= 2.0 * level:
                     dx, dy = xyz[j, 0] - x, xyz[j, 1] - y
@@ -134,10 +131,7 @@ def _is_enough(
     near = 1.001 * level + 1e-9 * abs(z)
     for column in around:
         for number in range(first[column], first[column + 1]):
-            begin, end = fine[number], fine[number + 1]
-            if end - begin > SHORT_POINTS:
-                begin = first_from(xyz, begin, end, z - near)
-                end = first_from(xyz, begin, end, z + near)
+            begin, end = between(xyz, fine[number], fine[number + 1], z - near, z + near)
             for j in range(begin, end):
                 above = xyz[j, 2] - z
                 if abs(above) <= near and _layer(above, level) == 0:

@@ -241,11 +241,9 @@ def gather(
         for ix in range(leftmost, rightmost + 1):
             row = firsts[column] + ix * divisions
             for number in range(row + lowest, row + highest + 1):
-                begin, end = fine[number], fine[number + 1]
-                if end - begin > SHORT_POINTS:
-                    begin = first_from(xyz, begin, end, heights[0] - far)
-                    end = first_from(xyz, begin, end, heights[1] + far)
-                    cut |= end - begin < fine[number + 1] - fine[number]
+                low, high = heights[0] - far, heights[1] + far
+                begin, end = between(xyz, fine[number], fine[number + 1], low, high)
+                cut |= end - begin < fine[number + 1] - fine[number]
                 if size + end - begin >= near.shape[1]:
                     near = wider(near, 2 * (size + end - begin))
                 for j in range(begin, end):
@@ -266,6 +264,18 @@ def wider(buffer: Float64, size: int) -> Float64:
         for j in range(buffer.shape[1]):
             wider[row, j] = buffer[row, j]
     return wider
+
+
+@inner
+def between(xyz: Float64, begin: int, end: int, low: float, high: float) -> tuple[int, int]:
+    """Return where those of points `begin` to `end`, which ascend, are from `low` to below `high`.
+
+    Of few points all are returned, which takes no longer.
+    """
+    if end - begin <= SHORT_POINTS:
+        return begin, end
+    begin = first_from(xyz, begin, end, low)
+    return begin, first_from(xyz, begin, end, high)
 
 
 @inner
