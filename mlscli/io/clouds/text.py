@@ -15,6 +15,7 @@ has decimal commas. A broken last line without a newline shows that the text was
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,6 +35,8 @@ from mlscli.io.plausibility.counts import more_than
 from mlscli.io.source import Cloud, rows_by_first_appearance
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64
 from mlscli.words import some, verb
+
+_COUNT = re.compile(r"[0-9]{1,18}")
 
 
 class TextCloud(PointFile):
@@ -165,6 +168,12 @@ class _Parser:
             starts.append(part.after_blank)
             odd += part.odd
         rows = len(values)
+        if (odd or self._broken) and self._is_mesh(rows + self._broken):
+            vertices, faces, _ = self.opening.rows[0]
+            raise InputError(
+                f"{self.path}: is a mesh, an OFF without its first line: {vertices} vertices and "
+                f"{faces} faces; expected a cloud, such as a PLY of its vertices"
+            )
         if self._broken and self._broken >= rows:
             raise InputError(self._first_fault)
         if not starts:
@@ -198,6 +207,14 @@ class _Parser:
         elif "t" in names:
             labels = self._by_time(values[:, names.index("t")], labels, notes)
         return _Table(values, names, labels, notes, self.losses)
+
+    def _is_mesh(self, rows: int) -> bool:
+        """Return whether the first of so many rows counts vertices, faces and edges, as in OFF."""
+        words = self.opening.rows[0]
+        if len(words) != 3 or not all(_COUNT.fullmatch(word) for word in words):
+            return False
+        vertices, faces, _ = map(int, words)
+        return min(vertices, faces) > 0 and rows == 1 + vertices + faces
 
     def _parts(self) -> Iterator[Rows]:
         """Yield the rows of each block."""

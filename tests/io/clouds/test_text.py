@@ -302,3 +302,24 @@ def test_a_single_mark_before_a_row_on_two_lines_joins_nothing(tmp_path: Path) -
         [[0, 1, 2], [3, 4, 5], [6, 7, 8], [1, 1, 1]]
     ]
     assert not source.losses
+
+
+@pytest.mark.parametrize("corners", [3, 4])
+@pytest.mark.parametrize(("vertices", "faces"), [(8, 12), (400, 700), (400, 20)])
+def test_a_mesh_without_its_first_line_is_no_cloud(
+    tmp_path: Path, vertices: int, faces: int, corners: int
+) -> None:
+    rng = random.Random(1)
+    points = [" ".join(f"{rng.random():.3f}" for _ in range(3)) for _ in range(vertices)]
+    sides = [
+        " ".join(map(str, (corners, *(rng.randrange(vertices) for _ in range(corners)))))
+        for _ in range(faces)
+    ]
+    named = f"is a mesh, an OFF without its first line: {vertices} vertices and {faces} faces"
+    with pytest.raises(InputError, match=named):
+        read(tmp_path, "\n".join((f"{vertices} {faces} 0", *points, *sides, "")))
+
+
+def test_ragged_rows_after_three_whole_numbers_are_a_cloud(tmp_path: Path) -> None:
+    rows = [f"{n} {n * n % 7} 0.5{' 9' * (n > 90)}" for n in range(100)]
+    assert len(np.array(one_cloud(tmp_path, "\n".join(("60 39 0", *rows, ""))))) == 101
