@@ -270,12 +270,15 @@ def pixels(figure: Figure) -> UInt8:
 
 def save(name: str, image: UInt8) -> None:
     """Write a picture as PNG, in 256 colours or fewer where it would exceed `MOST_BYTES`."""
-    path = FOLDER / f"{name}.png"
+    path, picture = FOLDER / f"{name}.png", Image.fromarray(image)
+    picture.save(path, optimize=True)
     for colours in (256, 128, 64, 32):
-        Image.fromarray(image).quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
         if path.stat().st_size <= MOST_BYTES:
             break
-    print(path.name, path.stat().st_size, colours)  # noqa: T201
+        # Colours of few pixels, such as those of legends, count as much as those of many.
+        few = picture.quantize(colours, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
+        few.save(path, optimize=True)
+    print(path.name, path.stat().st_size)  # noqa: T201
 
 
 if __name__ == "__main__":
