@@ -102,6 +102,11 @@ def test_every_option_of_every_command_has_its_place() -> None:
     assert ("mls build", "--pose-gap") in missing_options(reference.replace(shown, "  SECONDS", 1))
 
 
+def test_the_help_of_every_command_fits_80_columns() -> None:
+    told = [line for line in build.commands(80).splitlines() if len(line) > 80]
+    assert told == []
+
+
 def test_every_parameter_has_its_place() -> None:
     reference = build.parameters()
     assert missing_parameters(reference) == []

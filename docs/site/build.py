@@ -80,23 +80,24 @@ def index() -> str:
     return "\n".join((INDEX, *trees))
 
 
-def commands() -> str:
-    """Return the page of all commands: what each prints with ``--help``."""
+def commands(width: int = 90) -> str:
+    """Return the page of all commands: what each prints with ``--help`` on so wide a terminal."""
     from mlscli.cli import commands as program
 
-    return "# Commands and options\n\n" + "\n".join(_helps("mls", program, None))
+    return "# Commands and options\n\n" + "\n".join(_helps("mls", program, None, width))
 
 
-def _helps(name: str, command: click.Command, parent: click.Context | None) -> Iterator[str]:
-    context = command.make_context(
-        name, [], parent=parent, resilient_parsing=True, terminal_width=90, max_content_width=90
-    )
+def _helps(
+    name: str, command: click.Command, parent: click.Context | None, width: int
+) -> Iterator[str]:
+    wide = {"terminal_width": width, "max_content_width": width}
+    context = command.make_context(name, [], parent=parent, resilient_parsing=True, **wide)
     yield f"## {context.command_path}\n\n```text\n{command.get_help(context)}\n```\n"
     if isinstance(command, click.Group):
         for each in command.list_commands(context):
             below = command.get_command(context, each)
             assert below is not None
-            yield from _helps(each, below, context)
+            yield from _helps(each, below, context, width)
 
 
 def parameters() -> str:

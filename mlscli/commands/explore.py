@@ -210,7 +210,7 @@ def _told(found: Exploration, craft: tuple[float, float]) -> dict[str, Any]:
 
 # --- as text ---
 
-_HEAD = ("view", "at", "yaw", "tilt", "sees", "across", "above ground", "way down")
+_HEAD = ("view", "at", "yaw", "tilt", "across", "above", "way down", "sees")
 
 
 def _lines(name: str, found: Exploration, cell_size: float) -> list[str]:
@@ -246,12 +246,8 @@ def _lines(name: str, found: Exploration, cell_size: float) -> list[str]:
         at = ",".join(map(number, view.place))
         rows.append(
             (
-                *(str(n), at, f"{view.yaw:.0f}", f"{view.tilt:.0f}", cells(view.sees)),
-                *(number(view.across), ground, WAYS[view.way]),
+                *(str(n), at, f"{view.yaw:.0f}", f"{view.tilt:.0f}", number(view.across)),
+                *(ground, WAYS[view.way], cells(view.sees)),
             )
         )
-    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return lines + [
-        "  " + "  ".join(f"{text:<{width}}" for text, width in zip(row, wide, strict=True)).rstrip()
-        for row in rows
-    ]
+    return [*lines, report.table(rows)]

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 # A text is not cut into shorter lines than this, however long the names beside it are.
 LEAST_ROOM = 40
 
+# Nor, in the last column of a table, than this.
+LEAST_IN_TABLES = 14
+
 # So many numbers of levels fit on a line.
 _MOST_LEVELS = 6
 
@@ -32,7 +35,7 @@ def lines(rows: Iterable[tuple[str, str]]) -> str:
     """
     kept = [(printable(name), printable(text)) for name, text in rows if text]
     width = max((len(name) for name, _ in kept), default=0)
-    room = _room(width)
+    room = _room(width + 4, LEAST_ROOM)
     return "\n".join(
         f"  {'' if number else name:<{width}}  {line}"
         for name, text in kept
@@ -40,11 +43,39 @@ def lines(rows: Iterable[tuple[str, str]]) -> str:
     )
 
 
-def _room(width: int) -> int | None:
-    """Return how long texts may be on the terminal, beside names of a width; None: on none."""
+def table(rows: Sequence[Sequence[str]], indent: str = "  ", right: Sequence[int] = ()) -> str:
+    """Return rows of as many texts each as lines with aligned columns.
+
+    On a terminal, texts of the last column go on in further lines where they do not fit it.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+    indent : str, optional
+        What each line begins with.
+    right : sequence of int, optional
+        The columns that are aligned to the right.
+    """
+    *wide, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
+    room = _room(len(indent) + sum(width + 2 for width in wide), LEAST_IN_TABLES)
+    told = []
+    for *texts, last in rows:
+        cells = (
+            text.rjust(width) if number in right else text.ljust(width)
+            for number, (text, width) in enumerate(zip(texts, wide, strict=True))
+        )
+        begin = indent + "".join(f"{cell}  " for cell in cells)
+        for line in _cut(last, room):
+            told.append(f"{begin}{line}".rstrip())
+            begin = " " * len(begin)
+    return "\n".join(told)
+
+
+def _room(before: int, least: int) -> int | None:
+    """Return how long texts may be on the terminal, behind so many letters; None: on none."""
     if not sys.stdout.isatty():
         return None
-    return max(shutil.get_terminal_size().columns - width - 4, LEAST_ROOM)
+    return max(shutil.get_terminal_size().columns - before, least)
 
 
 def _cut(text: str, room: int | None) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mlscli.commands import report
 from mlscli.errors import printable, with_options
 
 if TYPE_CHECKING:
@@ -88,9 +89,8 @@ def lines(description: dict[str, Any]) -> Iterator[str]:
         )
         for t in topics
     ]
-    widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)]
-    for name, type_, count, good_for in rows:
-        yield (f"    {name:<{widths[0]}}  {type_:<{widths[1]}}  {count:>{widths[2]}}  {good_for}")
+    if rows:
+        yield report.table(rows, indent="    ", right=[2])
     if not any(topic["use"] == "clouds" for topic in topics):
         from mlscli.io.messages.registry import MAPPABLE
 

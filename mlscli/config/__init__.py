@@ -173,7 +173,8 @@ def to_yaml(parameters: Parameters) -> str:
     Each has a comment on what it does, its unit, its range and its default.
     """
     lines = [
-        "# Parameters of a map. A length is in the unit of the recording, or in cells: N cells."
+        "# Parameters of a map. A length is in the unit of the recording, or in cells,",
+        "# as in `2 cells`.",
     ]
     lines += ["", *_commented(parameters, "")]
     for name in SECTIONS:
@@ -185,15 +186,18 @@ def to_yaml(parameters: Parameters) -> str:
     lines += ["", "# The stages, in order.", "pipeline:"]
     for stage in parameters.pipeline:
         summary = (type(stage).__doc__ or "").partition("\n")[0]
-        lines += [f"  # {summary}", f"  - {stage.name}:", *_commented(stage, "      ")]
+        lines += [*_comment(summary, "  "), f"  - {stage.name}:", *_commented(stage, "      ")]
     return "\n".join([*lines, ""])
 
 
 def _commented(part: object, indent: str) -> Iterator[str]:
     for item in fields_of(type(part)).values():
-        comment = f"{item.help} ({_range(item)})"
-        yield from wrap(comment, 79, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
+        yield from _comment(f"{item.help} ({_range(item)})", indent)
         yield f"{indent}{item.name}: {write_value(getattr(part, item.name))}"
+
+
+def _comment(text: str, indent: str) -> list[str]:
+    return wrap(text, 79, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
 
 
 def _range(item: ParameterField) -> str:

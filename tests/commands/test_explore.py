@@ -31,7 +31,7 @@ def test_views_are_told_and_their_way_is_flown_by_synth(tmp_path: Path) -> None:
     assert lines[0].startswith("yard.npz: 168 uncertain cells in ")
     assert lines[1] == "  cells   20 artificial, 12 hole, 40 unseen, 96 edge"
     assert lines[2] == "  camera  90 degrees, sees 8.000 far"
-    assert lines[4].split()[:6] == ["view", "at", "yaw", "tilt", "sees", "across"]
+    assert lines[4].split()[:6] == ["view", "at", "yaw", "tilt", "across", "above"]
     assert len(lines) == 9
     more = ("-o", "views.plan", "-o", "views.mcap", "-o", "views.html", "--origin", "47,8,400")
     told = json.loads(mls(*asked, "--views", "4", "--json", *more, cwd=tmp_path).stdout)

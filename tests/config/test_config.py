@@ -225,6 +225,12 @@ def test_each_key_of_a_preset_has_a_comment(preset: str) -> None:
     load(preset).with_cell_size(0.15)
 
 
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_configuration_fits_80_columns(preset: str) -> None:
+    for text in (preset_text(preset), to_yaml(load(preset))):
+        assert [line for line in text.splitlines() if len(line) > 80] == []
+
+
 def test_a_name_of_no_preset_and_no_file_is_told_the_nearest() -> None:
     with pytest.raises(ConfigError, match=r"thess: .*did you mean thesis\?"):
         load("thess")
