@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import logging
+import math
 import struct
 from collections.abc import Iterable
 from itertools import chain, repeat
@@ -47,8 +48,11 @@ _SHORTEST_HEADER = 227
 _VARIABLE_RECORD = 54
 _RECORD_LENGTH = struct.Struct("<20xH")
 _COUNT, _COUNT_AT = struct.Struct("<I"), 100
-# The place of the table of chunks, and an empty table.
-_EMPTY_LAZ = 16
+_SIGNATURE, _VERSIONS = b"LASF", {(1, minor) for minor in range(5)}
+# The version of a header, its size, and where its points begin.
+_BEGINNING = struct.Struct("<24xBB68xHI")
+# Bytes that end compressed points, and that the decoder need not have read.
+_FLUSHED = 16
 
 
 class LasCloud(PointFile):
@@ -59,31 +63,35 @@ class LasCloud(PointFile):
     def _read(self) -> Content:
         header, one_way, notes = self._header()
         declared, data = header.point_count, bytes_of(self.path)
+        data = data[: (joined := _next_file(header, data))]
         if header.are_points_compressed:
             tried = readable_points(header, data)
             most = most_unpacked(len(data)) // header.point_format.size
-            if not tried and not declared and len(data) > header.offset_to_point_data + _EMPTY_LAZ:
-                raise InputError(
-                    f"{self.path}: declares 0 points, though compressed ones follow; how many "
-                    "these are cannot be told"
-                )
         else:
             tried = most = _whole_records(header, data)
         end = points_end(header, data) if one_way else None
-        step = max(1, _CHUNK_BYTES // header.point_format.size)
-        part = self._part(repeat(step), min(tried, most), end)
-        for smaller in (256, 1) if part.fault else ():
-            nearer = self._part(chain(part.sizes, repeat(smaller)), min(tried, most), end)
-            part = max(part, nearer, key=lambda part: sum(part.sizes))
+        part = self._as_many(header, min(tried, most), end)
+        is_chained = header.are_points_compressed and not is_layered(header)
+        goes_on = is_chained and not part.fault and tried < most and part.unread > _FLUSHED
+        if goes_on:
+            part = self._as_many(header, most, end)
         points = np.concatenate([np.empty((0, 3)), *part.points])
         columns = [*points.T, np.concatenate(part.kept) if part.kept else np.empty(0, np.bool_)]
         if part.labels:
             columns.append(np.concatenate(part.labels))
         if part.fault and header.are_points_compressed:
             sure = len(points) - invented_points(header, data, len(points))
+            beyond = _vouched(header, points[declared:sure], broken=True).accepted(InputError)
+            if goes_on and not beyond.all():
+                sure = declared
             columns = [column[:sure] for column in columns]
         fault = part.fault or (excess(len(data)) if tried > most else "")
         columns, more, losses = counted(self.path, columns, declared, fault)
+        if goes_on:
+            losses.append(
+                f"{self.path}: more points follow than the {declared:,} that its header declares; "
+                "how many cannot be told, and the last ones are left out"
+            )
         points, kept = points[: len(columns[0])], columns[3]
         labels = columns[4] if len(columns) > 4 else None
         withheld = len(points) - int(kept.sum())
@@ -101,6 +109,11 @@ class LasCloud(PointFile):
                     f"{are(doubtful)} damaged: some lie outside the bounds that the header states"
                 )
         notes += [f"{self.path}: {found.note}"] if found.note else []
+        if joined is not None:
+            losses.append(
+                f"{self.path}: another LAS file, joined to it at byte {joined:,}, is left out; "
+                "expected each in a file of its own"
+            )
         georeference, more = georeference_of(self.path, header)
         notes += more
         whole = bool(kept.all())
@@ -159,7 +172,19 @@ class LasCloud(PointFile):
                 f"{self.path}: the header cannot be read: {one_line(error)}"
             ) from error
 
-    def _part(self, steps: Iterable[int], left: int, end: int | None) -> _ChunkedPoints:
+    def _as_many(self, header: laspy.LasHeader, left: int, end: int | None) -> _ChunkedPoints:
+        """Read as many as `left` points, up to the last that can be read; see `_part`."""
+        packed = header.offset_to_point_data if header.are_points_compressed else math.inf
+        step = max(1, _CHUNK_BYTES // header.point_format.size)
+        part = self._part(repeat(step), left, end, packed)
+        for smaller in (256, 1) if part.fault else ():
+            nearer = self._part(chain(part.sizes, repeat(smaller)), left, end, packed)
+            part = max(part, nearer, key=lambda part: sum(part.sizes))
+        return part
+
+    def _part(
+        self, steps: Iterable[int], left: int, end: int | None, packed: float
+    ) -> _ChunkedPoints:
         """Read points until `left` of them have come or no more can be read.
 
         Parameters
@@ -169,12 +194,14 @@ class LasCloud(PointFile):
         left : int
         end : int or None
             Offset at which they end, to read without seeking; None: with seeking.
+        packed : float
+            Offset at which they begin, if they are compressed.
         """
-        part = _ChunkedPoints([], [], [], [], "")
+        part = _ChunkedPoints([], [], [], [], "", 0)
         with open_input(self.path) as file, muted():
             try:
                 reader = laspy.LasReader(
-                    _Overlaid(file, self._records, end),
+                    _Overlaid(file, self._records, end, packed),
                     laz_backend=laspy.LazBackend.Lazrs,
                     read_evlrs=False,
                 )
@@ -201,7 +228,7 @@ class LasCloud(PointFile):
                 if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
                     raise
                 return part._replace(fault=one_line(error) or type(error).__name__)
-        return part
+            return part._replace(unread=0 if end is None else end - file.tell())
 
 
 class _ChunkedPoints(NamedTuple):
@@ -219,6 +246,8 @@ class _ChunkedPoints(NamedTuple):
         Number of points read in each chunk.
     fault : str
         Why no more could be read; empty where all were.
+    unread : int
+        How many bytes were not read up to where they end, if that is known.
     """
 
     points: list[Float64]
@@ -226,6 +255,7 @@ class _ChunkedPoints(NamedTuple):
     labels: list[Array]
     sizes: list[int]
     fault: str
+    unread: int
 
 
 def _vouched(header: laspy.LasHeader, points: Float64, *, broken: bool) -> Finding[Bool]:
@@ -265,10 +295,28 @@ def _fitting_records(data: UInt8, begin: int, end: int, declared: int) -> int:
     return count
 
 
+def _next_file(header: laspy.LasHeader, data: UInt8) -> int | None:
+    """Return the offset of another LAS file behind the points, or None where there is none."""
+    begin = header.offset_to_point_data
+    if header.are_points_compressed:
+        begin = max(begin, points_end(header, data) % len(data))
+    else:
+        begin += header.point_count * header.point_format.size
+    rest = data[begin:].tobytes()
+    at = rest.find(_SIGNATURE)
+    while 0 <= at <= len(rest) - _BEGINNING.size:
+        *version, size, points = _BEGINNING.unpack_from(rest, at)
+        if (*version,) in _VERSIONS and _SHORTEST_HEADER <= size <= points:
+            return int(begin + at)
+        at = rest.find(_SIGNATURE, at + 1)
+    return None
+
+
 def _whole_records(header: laspy.LasHeader, data: UInt8) -> int:
     """Return how many whole points there are in an uncompressed file."""
     begin, end = header.offset_to_point_data, len(data)
-    for other in (header.start_of_first_evlr, header.start_of_waveform_data_packet_record):
+    records = header.start_of_first_evlr if header.number_of_evlrs else None
+    for other in (records, header.start_of_waveform_data_packet_record):
         if other is not None and begin < other < end:
             end = other
     return int((end - begin) // header.point_format.size)
@@ -285,11 +333,16 @@ class _Overlaid(io.RawIOBase):
         The number of records.
     end : int, optional
         Offset at which it ends, and without which it is read with seeking; with it, without.
+    packed : float
+        Offset at which compressed points begin.
     """
 
-    def __init__(self, file: BinaryIO, records: int, end: int | None = None) -> None:
+    def __init__(
+        self, file: BinaryIO, records: int, end: int | None = None, packed: float = math.inf
+    ) -> None:
         self._file = file
         self._end = end
+        self._packed = packed
         self._records = _COUNT.pack(records)
 
     def readable(self) -> bool:
@@ -313,7 +366,12 @@ class _Overlaid(io.RawIOBase):
     def readinto(self, buffer: Any, /) -> int:
         """Read into a buffer."""
         at = self._file.tell()
-        size = len(buffer) if self._end is None else min(len(buffer), self._end - at)
+        size = len(buffer)
+        if self._end is not None:
+            size = min(size, self._end - at)
+        if self._end is not None and at >= self._packed:
+            # The decoder reads ahead; less and less of it, so that where it stopped tells much.
+            size = min(size, max(_FLUSHED, (self._end - at) // 4))
         data = self._file.read(max(size, 0))
         for place, byte in enumerate(self._records, _COUNT_AT - at) if at < _COUNT_AT + 4 else ():
             if 0 <= place < len(data):
