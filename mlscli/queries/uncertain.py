@@ -13,13 +13,14 @@ import numpy as np
 
 from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, pack, unpack
 from mlscli.maps.surface_map import ARTIFICIAL, SurfaceMap
+from mlscli.queries.sights import refuted
 from mlscli.queries.under import never_looked_into
 from mlscli.runtime.arrays import Array, Bool, Float64, Int64, UInt8, UInt64, repeated
 
 RED, HOLE, UNSEEN, EDGE = 0, 1, 2, 3
 KINDS = ("artificial", "hole", "unseen", "edge")
-"""Artificial patches; cells without a patch within the map, beside ones with; space that nobody
-looked into; and cells beyond its outer edge."""
+"""Artificial patches that no sight lines refute; cells without a patch within the map, beside ones
+with; space that nobody looked into; and cells beyond its outer edge."""
 
 LEAST_CELLS = 4
 """Regions of fewer cells are left out: a point more or less makes such."""
@@ -66,7 +67,7 @@ def uncertain(surface: SurfaceMap, widest: float, least: int = 2) -> Uncertain:
     least : int
         So many sight lines show that a voxel is free.
     """
-    red = np.flatnonzero(surface.origin == ARTIFICIAL)
+    red = np.flatnonzero((surface.origin == ARTIFICIAL) & ~refuted(surface, least))
     keys = pack(surface.ix, surface.iy)
     rim, height, is_outer = _rims(surface)
     space = never_looked_into(surface, least)

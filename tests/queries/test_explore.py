@@ -39,10 +39,10 @@ EXACT = Noise(sigma=Scatter(0.0, 0.0), salt_pepper=0.0)
 ROUTE = np.linspace((0.0, -5.0, -5.0, 6.0), (6.0, 5.0, 5.0, 6.0), 7)
 
 
-def yard(*, seen: bool = True) -> SurfaceMap:
+def yard(*, seen: bool = True, refuted: int = -12) -> SurfaceMap:
     """Return a yard with a hole, a red corner, and a roof with a wall along its west.
 
-    All was seen but what is under the roof.
+    All was seen but what is under the roof. Up to the column `refuted`, the red was looked through.
     """
     patches: list[Patch] = []
     lines: dict[tuple[int, int, int], int] = {}
@@ -59,6 +59,7 @@ def yard(*, seen: bool = True) -> SurfaceMap:
             else:
                 red = ix < -7 and iy > 7
                 patches.append(Patch(ix, iy, 0.0, 0.0, 2 if red else 0, 0 if red else 9))
+                lines |= {(ix, iy, iz): 2 for iz in (-1, 0) if red and ix < refuted}
             lines |= {(ix, iy, iz): 2 for iz in range(13 if under else 1, 30)}
     return replace(map_of(patches), free=free_space_of(lines if seen else {}), route=ROUTE)
 
@@ -77,6 +78,11 @@ def test_each_kind_of_uncertainty_is_where_it_is() -> None:
     assert cells_of(found, UNSEEN) == {(ix, iy) for ix in range(5, 10) for iy in range(-4, 4)}
     assert len(cells_of(found, EDGE)) == 4 * 24
     assert found.cells == (20, 12, 40, 96)
+
+
+def test_red_that_sight_lines_refute_is_settled() -> None:
+    found = explore(yard(refuted=-9), 0.5, 0.5)
+    assert cells_of(found, RED) == {(ix, iy) for ix in (-9, -8) for iy in range(8, 12)}
 
 
 def test_views_see_what_they_say_and_are_reached_without_meeting_anything() -> None:
