@@ -39,7 +39,7 @@ EDGE = 8
 
 
 def nav2() -> None:
-    """Draw the images of four storeys."""
+    """Draw the images of the storeys."""
     with tempfile.TemporaryDirectory() as folder:
         written = write_nav2(Path(folder, "hamlet.yaml"), hamlet(), Robot(slope=30, step=0.2))
         chosen = range(min(4, len(written.sheets)))

@@ -4,6 +4,10 @@ A storey is a floor that hangs together, however uneven, with one patch for each
 from a patch of middle height; always the patch next that is nearest to that one in height. So a
 bridge and the ground beneath it are two storeys, also where ramps join them; each goes on into the
 other as far as no cell would have two floors.
+
+A ragged map falls into many floors that hang together nowhere. Those of nearly one height, of which
+none lies above another, are one storey; and a floor is a storey of its own only where a robot can
+turn on enough of it, and where it lies above or below another, or is about as large as the largest.
 """
 
 from __future__ import annotations
@@ -27,6 +31,19 @@ LEAST_SHARE = 0.05
 
 LEAST_OF_ALL = 0.01
 """Nor is one with less than this share of all patches that can be stood on: few are many enough."""
+
+MOST_CLASHES = 0.1
+"""Floors of nearly one height are joined where at most this share of what one adds lies
+above or below the other."""
+
+LEAST_ROOM = 0.03
+"""A storey has at least this share of the room to turn that the one with most of it has."""
+
+LEAST_ABOVE = 0.15
+"""At least this share of its cells lies above or below other storeys, ..."""
+
+LARGE = 0.5
+"""... unless it has this share of the room to turn of the one with most."""
 
 
 class Storey(NamedTuple):
@@ -89,7 +106,8 @@ def storeys_of(surface: SurfaceMap, robot: Robot | None = None) -> Storeys:
     extent = Extent.of_map(surface)
     floor = floor_of(surface, limits)
     growing = _Growing(surface, extent, limits, floor)
-    levels = sorted(growing.joined(_without_parts(growing.levels())), key=growing.middle)
+    levels = growing.large(growing.joined(_without_parts(growing.levels())))
+    levels.sort(key=growing.middle)
     held = np.zeros(surface.size, dtype=np.bool_)
     for level in levels:
         held[level[level >= 0]] = True
@@ -132,10 +150,10 @@ class _Growing:
         return found
 
     def joined(self, levels: list[Int64]) -> list[Int64]:
-        """Return floors put together where no cell would have two, and their heights are alike.
+        """Return floors put together where they are about as high, and none lies above another.
 
-        Each is as high, on average, as the nearest floor of the other, but for a step. Small
-        floors, which are none of their own, join them likewise.
+        Each is as high, on average, as the nearest floor of the other, but for the robot's height.
+        Small floors, which are none of their own, join them where there is no more than a step.
 
         Parameters
         ----------
@@ -149,17 +167,8 @@ class _Growing:
         for level in levels:
             alone[level[level >= 0]] = False
         while waiting:
-            level, *others = waiting
-            level = level.copy()
+            level, waiting = self._gathered(waiting)
             nearest = self._nearest(level)
-            waiting = []
-            for other in others:
-                there = other >= 0
-                apart = np.abs(height[other[there]] - nearest[there]).mean()
-                if apart > most or np.any((level != other) & (level >= 0) & there):
-                    waiting.append(other)
-                else:
-                    level[there] = other[there]
             label = _parts(self._floor.links, alone)
             patch = np.flatnonzero(alone)
             size = np.bincount(label[patch], minlength=len(alone))
@@ -176,6 +185,61 @@ class _Growing:
             alone[new] = False
             found.append(level)
         return found
+
+    def _gathered(self, levels: list[Int64]) -> tuple[Int64, list[Int64]]:
+        """Return the first floor with those that it is one with, and the others."""
+        level, *waiting = levels
+        level = level.copy()
+        before = len(levels)
+        while len(waiting) < before:
+            before, others = len(waiting), []
+            nearest = self._nearest(level)
+            for other in waiting:
+                own = (other >= 0) & (level != other)
+                apart = np.abs(self._surface.height[other[own]] - nearest[own])
+                clashes = np.count_nonzero(own & (level >= 0))
+                if apart.sum() > self._limits.headroom * len(apart) or clashes > MOST_CLASHES * len(
+                    apart
+                ):
+                    others.append(other)
+                else:
+                    level = np.where(own & (level < 0), other, level)
+            waiting = others
+        return level, waiting
+
+    def large(self, levels: list[Int64]) -> list[Int64]:
+        """Return the floors that are storeys of their own, the one with most room first.
+
+        A ragged map has floors that are none: a table, a shelf, what is left of noise.
+        """
+        room = np.array([self._room(level) for level in levels])
+        if not room.any():
+            room = np.array([np.count_nonzero(level >= 0) for level in levels])
+        kept: list[Int64] = []
+        for number in np.argsort(-room, kind="stable").tolist():
+            level, share = levels[number], room[number] / room.max()
+            if share >= LARGE or (share >= LEAST_ROOM and self._above(level, kept) >= LEAST_ABOVE):
+                kept.append(level)
+        return kept
+
+    def _room(self, level: Int64) -> int:
+        """Return on how many cells of a floor a robot can turn: all those around are floor, too."""
+        from scipy.ndimage import binary_erosion
+
+        cells = self._surface.cells
+        floor = self._extent.place(level >= 0, cells.ix, cells.iy, False)
+        return int(np.count_nonzero(binary_erosion(floor, np.ones((3, 3)))))
+
+    @staticmethod
+    def _above(level: Int64, others: list[Int64]) -> float:
+        """Return the share of a floor's own cells that lie above or below others."""
+        own = level >= 0
+        for other in others:
+            own &= level != other
+        above = np.zeros_like(own)
+        for other in others:
+            above |= own & (other >= 0)
+        return np.count_nonzero(above) / max(1, int(np.count_nonzero(own)))
 
     def middle(self, level: Int64) -> float:
         """Return the middle height of a floor."""

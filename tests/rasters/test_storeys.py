@@ -9,10 +9,12 @@ count as free. Each has a scene here, and random maps are held to the rules cell
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mlscli import build_map, open_recording
 from mlscli.errors import UsageError
 from mlscli.maps.space import FREE, OCCUPIED, UNKNOWN
 from mlscli.maps.surface_map import SurfaceMap
@@ -138,8 +140,8 @@ def test_a_drop_is_occupied_and_what_lies_above_alone_is_unknown() -> None:
     ground = result.storeys[-1]
     assert states(result, ground, *pit) == {OCCUPIED}
     assert state(result, ground, 7, 0) == UNKNOWN
-    # Seen from the pit's ground, nothing tells a wall below the rim from an overhang.
-    assert states(result, result.storeys[0], (3, 0), (-3, 2)) == {UNKNOWN}
+    # What lies deeper, and is small, is no storey of its own.
+    assert (len(result.storeys), result.left_out) == (1, len(pit) + 1)
 
 
 def test_floors_beyond_a_narrow_gap_are_one_storey_and_small_ones_are_counted() -> None:
@@ -160,12 +162,57 @@ def test_rooms_at_one_height_are_one_storey_whatever_lies_between_them() -> None
     assert states(result, storey, (5, 5), (30, 5), (51, 1)) == {FREE}
     assert state(result, storey, 17, 5) == UNKNOWN
     assert result.left_out == 0
-    higher = scene((range(10), range(10), 0.0), (range(24, 34), range(10), 0.7))
-    assert len(found(higher).storeys) == 2
+    # Lower than the robot is high they are of one storey; a gallery is one of its own.
+    for height, count in ((0.7, 1), (1.7, 2)):
+        other = scene((range(10), range(10), 0.0), (range(24, 34), range(10), height))
+        assert len(found(other).storeys) == count
     # A table under which nobody saw is no floor of the room.
     table = scene((range(12, 14), range(2), 0.8))
     result = found(rooms + table)
     assert (state(result, result.storeys[0], 12, 1), result.left_out) == (OCCUPIED, 4)
+
+
+def test_a_ragged_room_is_one_storey() -> None:
+    # As a sparse map is: the floor in pieces, less than a robot's height apart, and furniture.
+    rng = np.random.default_rng(4)
+    pieces = [
+        (range(x, x + 5), range(y, y + 4), float(rng.uniform(-0.4, 0.4)))
+        for x in range(-18, 18, 6) for y in range(-15, 15, 5)
+    ]  # fmt: skip
+    shelves = [(range(x, x + 5), range(-17, -15), 1.3 + 0.4 * (x % 3)) for x in range(-18, 18, 6)]
+    tables = [(range(x, x + 3), range(3), 1.2) for x in (-12, 0)]
+    result = found(scene(*pieces, *shelves, *tables))
+    (storey,) = result.storeys
+    assert np.count_nonzero(storey.space == FREE) > 0.7 * 20 * len(pieces)
+    assert np.nanmax(storey.floor) < 0.5
+    assert result.left_out >= 2 * 9
+
+
+def test_floors_above_each_other_are_storeys_also_if_they_are_small_beside_the_largest() -> None:
+    yard = (range(-30, 30), range(-20, 20), 0.0)
+    upper = [(range(12), range(12), 3.0), (range(12), range(12), 6.0)]
+    assert len(found(scene(yard, *upper)).storeys) == 3
+    # A roof under which nobody saw, and a hut's ceiling, are none.
+    roof = (range(40, 50), range(10), 4.5)
+    hut = (range(20, 23), range(3), 4.5)
+    result = found(scene(yard, *upper, roof, hut))
+    assert (len(result.storeys), result.left_out) == (3, 100 + 9)
+
+
+@pytest.mark.parametrize(
+    ("name", "up", "storeys"),
+    [
+        ("sparse/tello_saloon.csv", "-y", 1),
+        ("sparse/euroc_orb3_pointcloud.txt", "auto", 1),
+        ("multilevel/als_underpass_samp22.pcd", "z", 2),
+        ("multilevel/building_floors_cgal.ply", "z", 3),
+    ],
+)
+def test_real_places_have_as_many_storeys_as_one_would_count(
+    shared_data: Path, name: str, up: str, storeys: int
+) -> None:
+    surface = build_map(open_recording(shared_data / name, up=up))
+    assert len(storeys_of(surface).storeys) == storeys
 
 
 def test_patches_that_hang_together_nowhere_are_no_storeys() -> None:
