@@ -4,8 +4,9 @@ Such texts come from viewers of point clouds, spreadsheets and many small progra
 them says how they are to be read. What holds for all that are read here:
 
 - **Encoding**: UTF-8; or UTF-16 or UTF-32, told by a byte order mark or by the zeros among ASCII.
-- **One separator** for the whole text: semicolons, tabs, commas, or any number of blanks and tabs.
-  It is the one by which the first rows fall into alike many fields with three numbers or more.
+- **One separator** for the whole text: semicolons, tabs, commas, bars (of a table, ``|`` also at
+  both ends of a row), or any number of blanks and tabs. It is the one by which the first rows fall
+  into alike many fields with three numbers or more.
   Where it is no blank, blanks belong to the field, as in ``Slot ID`` or a date with its time.
 - **Quotes** protect separators, and are no part of the field.
 - **Missing values** are empty fields or a word such as ``NA``. Separators at the end of a line mean
@@ -31,7 +32,7 @@ from typing import NamedTuple, TextIO
 from mlscli.io.files import open_input, open_text_input
 
 BLANKS = " \t"
-SEPARATORS = ",; \t"
+SEPARATORS = ",;| \t"
 MARKS = "#\"'/%"
 """Characters that begin a comment or a quoted field, or may do so."""
 
@@ -97,7 +98,7 @@ class Dialect(NamedTuple):
     Attributes
     ----------
     separator : str
-        Between fields: a semicolon, a tab, a comma; empty for any number of blanks and tabs.
+        Between fields: a semicolon, a tab, a comma, a bar; empty for any number of blanks and tabs.
     width : int
         How many fields most of the first rows have; 0 where there is none.
     """
@@ -119,7 +120,7 @@ class Dialect(NamedTuple):
         rows = [line for line in lines if not is_blank(line) and not is_comment(line)]
         tried = [
             _score(cls(each, 0), rows[:_SAMPLE_ROWS], preference)
-            for preference, each in enumerate((";", "\t", ",", ""))
+            for preference, each in enumerate((";", "\t", ",", "|", ""))
             if separator is None or each == separator.strip(" ")
         ]
         _, dialect = max(tried, key=lambda scored: scored[0])
@@ -129,7 +130,10 @@ class Dialect(NamedTuple):
         """Split a line into fields, empty for missing values; a comment or blank line has none."""
         if "#" in line and (comment := _COMMENT.search(line)) and not _in_quotes(line, comment):
             line = line[: comment.start()]
-        line = line.lstrip(_MARK).rstrip().rstrip(SEPARATORS)
+        line = line.lstrip(_MARK).rstrip()
+        if self.separator == "|" and line.endswith("|") and line.lstrip().startswith("|"):
+            line = line.lstrip()[1:]
+        line = line.rstrip(SEPARATORS)
         # A tab at the beginning may end an empty field.
         line = line.lstrip(" " if self.separator == "\t" else None)
         if not line or line.startswith(("//", "%")):

@@ -67,7 +67,7 @@ class Opening(NamedTuple):
         bare = without_units(header.rstrip())
         if bare.lstrip().startswith(("#", "/", "%")):
             bare = bare.lstrip("#/% \t")
-        for separator in dict.fromkeys((self.dialect.separator, ",", ";", "\t", "")):
+        for separator in dict.fromkeys((self.dialect.separator, ",", ";", "\t", "|", "")):
             words = self.dialect._replace(separator=separator).fields(bare)
             if words:
                 yield [bare_name(word) for word in words]

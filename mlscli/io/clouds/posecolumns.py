@@ -8,7 +8,9 @@
 - VINS-Mono and VINS-Fusion: eleven columns without a header, ``stamp,x,y,z,qw,qx,qy,qz,vx,vy,vz``.
   EuRoC's ground truth without its header has seventeen, w first as well; so have poses of other
   programs whose stamps are whole nanoseconds and which commas part.
-- KITTI: twelve columns, a matrix 3 x 4 row by row, without stamps.
+- KITTI: twelve columns, a matrix 3 x 4 row by row, without stamps; or sixteen, 4 x 4, and either
+  with a stamp before them.
+- Redwood, ScanNet: a matrix 4 x 4 on four lines, one below the other, without stamps.
 - ``x y z qx qy qz qw`` without stamps.
 - Attitudes before positions, with stamps or without; told by what has length 1.
 - g2o: ``VERTEX_SE3:QUAT id x y z qx qy qz qw`` or ``VERTEX_SE2 id x y theta``, among other lines.
@@ -17,7 +19,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,10 +37,11 @@ _EUROC = (*TUM[:4], "qw", "qx", "qy", "qz")
 _TURNED = {W_LAST: QUATERNION, W_FIRST: _EUROC[4:]}
 MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
 
-GRAPH = ("VERTEX_SE3:QUAT", "VERTEX_SE2")
+GRAPH = ("VERTEX_SE3:QUAT", "VERTEX_SE2", "VERTEX2")
 """Words that begin a line of a g2o file with a pose."""
 
-_EDGES = ("EDGE_SE3:QUAT", "EDGE_SE2", "FIX")
+_EDGES = ("EDGE_SE3:QUAT", "EDGE_SE2", "EDGE2", "VERTEX3", "EDGE3", "FIX")
+_LAST_ROW = (0, 0, 0, 1)
 
 # Rows that show what a text holds, and how far quaternions may be from length 1.
 _FIRST_ROWS = 20
@@ -52,6 +55,7 @@ _ROTATION = [0, 1, 2, 4, 5, 6, 8, 9, 10]
 _AXIS = re.compile(r"(.*?)[._/: ]*([xyzw])")
 _TURNS = re.compile(r"(.*[._/: ])?(q([._].*)?|.*(quat|orient|rotation|attitude).*)")
 _PLACES = re.compile(r"(.*[._/: ])?([pt]?|p[._].*|.*(pos|position|translation))")
+_NANOSECONDS = re.compile(r"(.*[._/: ])?n(ano)?secs?")
 _STAMPS = re.compile(r"(.*[._/: ])?(t|time|ts|secs?|.*time_?stamps?|.*stamps?)(_?n?s(ecs?)?)?")
 
 
@@ -106,8 +110,9 @@ def by_numbers(
     if values is None:
         return None
     in_time = _grow(values[:, 0])
-    if width == len(MATRIX) and _are_rotations(values):
-        return PoseColumns(ordered(MATRIX))
+    for before in (0, 1):
+        if width - before in (12, 16) and _are_matrices(values[:, before:]):
+            return PoseColumns(ordered((*TUM[:before], *MATRIX)))
     if width in _W_FIRST and in_time and _are_unit(values[:, 4:8]):
         return PoseColumns(ordered(_EUROC), W_FIRST)
     is_timed = width >= len(TUM) and in_time
@@ -139,7 +144,7 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
     Other names are no evidence: points may stand beside the pose from which they were seen.
     """
     rows, width = opening.rows[:_FIRST_ROWS], opening.width
-    if rows and rows[0][0] in (*GRAPH, *_EDGES):
+    if (rows and rows[0][0] in (*GRAPH, *_EDGES)) or are_blocks_of_matrices(opening):
         return True
     lines = (*opening.headers, *opening.comments)
     if any({*names} >= _OF_CAMERAS for line in lines for names in opening.names(line)):
@@ -155,10 +160,17 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
         return False
     if "qw" not in places:
         names = next(opening.names(" ".join((*opening.headers, *opening.comments))), [])
-        return {*_ANGLES} <= {*names} and _grow(values[:, places["stamp"]])
-    return _grow(values[:, places["stamp"]]) and _are_unit(
+        return {*_ANGLES} <= {*names} and _grow(stamps_of(values, places))
+    return _grow(stamps_of(values, places)) and _are_unit(
         values[:, [places[name] for name in QUATERNION]]
     )
+
+
+def are_blocks_of_matrices(opening: Opening) -> bool:
+    """Return whether every four rows are a matrix 4 x 4, which turns and moves."""
+    values = _values([row for row in opening.rows if len(row) == len(_LAST_ROW)], len(_LAST_ROW))
+    whole = 0 if values is None else len(values) // 4 * 4
+    return values is not None and whole > 0 and _are_matrices(values[:whole].reshape(-1, 16))
 
 
 def columns_of_positions(opening: Opening) -> str:
@@ -172,6 +184,13 @@ def columns_of_positions(opening: Opening) -> str:
     # The last column of a matrix.
     axes = axes or {places[f"m{row}3"]: axis for row, axis in enumerate(POSITION)}
     return ",".join(axes.get(place, "-") for place in range(max(axes) + 1))
+
+
+def stamps_of(values: Float64, places: Mapping[str, int]) -> Float64:
+    """Return the stamps of rows (N, columns), with the nanoseconds that have a column, (N,)."""
+    stamps: Float64 = values[:, places["stamp"]]
+    beside = places.get("nanoseconds")
+    return stamps if beside is None else stamps + 1e-9 * values[:, beside]
 
 
 def ordered(names: Sequence[str]) -> Layout:
@@ -191,13 +210,16 @@ def _named(names: Sequence[str]) -> dict[str, int]:
             places.setdefault(f"q{axis[2]}", place)
         elif axis and axis[2] != "w" and _PLACES.fullmatch(axis[1]):
             places.setdefault(axis[2], place)
+        elif _NANOSECONDS.fullmatch(name) and places.get("stamp") == place - 1:
+            # Of the seconds before them.
+            places["nanoseconds"] = place
         elif _STAMPS.fullmatch(name):
             places.setdefault("stamp", place)
     if not {*POSITION} <= {*places}:
         return {}
     if not {*QUATERNION} <= {*places}:
         places = {name: place for name, place in places.items() if name not in QUATERNION}
-    return {name: places[name] for name in TUM if name in places}
+    return {name: places[name] for name in (*TUM, "nanoseconds") if name in places}
 
 
 def _values(rows: Sequence[Sequence[str]], width: int) -> Float64 | None:
@@ -225,6 +247,13 @@ def _are_unit(quaternions: Float64) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         lengths = np.sqrt(np.square(quaternions).sum(axis=1))
         return bool((np.abs(lengths - 1) < _ROUNDED).all())
+
+
+def _are_matrices(rows: Float64) -> bool:
+    """Return whether rows of 12 or 16 numbers are matrices that turn and move."""
+    return bool((rows[:, len(MATRIX) :] == _LAST_ROW[: rows.shape[1] - len(MATRIX)]).all()) and (
+        _are_rotations(rows)
+    )
 
 
 def _are_rotations(rows: Float64) -> bool:

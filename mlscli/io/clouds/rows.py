@@ -39,6 +39,7 @@ LONGEST_LINE = 1 << 26
 _MOST_LINES = 8
 """A row stands on so many lines at most."""
 
+_BARRED = re.compile(r"^[ \t]*\|", re.MULTILINE)
 _QUOTED = re.compile(r'"(?:[^"]|"")*+"')
 
 _NEWLINE, _BLANK = 10, 32
@@ -93,7 +94,7 @@ class BrokenRowError(Exception):
         self.is_written_so = is_written_so
 
 
-def blocks(file: TextIO, line: int = 1) -> Iterator[tuple[int, str]]:
+def blocks(file: TextIO, line: int = 1, separator: str = "") -> Iterator[tuple[int, str]]:
     """Yield whole lines a few megabytes at a time.
 
     Parameters
@@ -101,6 +102,8 @@ def blocks(file: TextIO, line: int = 1) -> Iterator[tuple[int, str]]:
     file : text file
     line : int
         Number of the line at which it stands.
+    separator : str
+        Between fields whose quotes may protect the end of a line; such rows come whole.
 
     Yields
     ------
@@ -111,8 +114,21 @@ def blocks(file: TextIO, line: int = 1) -> Iterator[tuple[int, str]]:
     while text := file.read(BLOCK_CHARACTERS):
         if not text.endswith("\n"):
             text += file.readline(LONGEST_LINE)
+        for _ in range(_MOST_LINES * _MOST_LINES):
+            more = _may_go_on(text, separator) and file.readline(LONGEST_LINE)
+            if not more:
+                break
+            text += more
         yield line, text
         line += text.count("\n")
+
+
+def _may_go_on(text: str, separator: str) -> bool:
+    """Return whether one of the last lines begins a row that goes on behind the text."""
+    if not separator or '"' not in text[-LONGEST_ROW:] or not text.endswith("\n"):
+        return False
+    lines = text[-LONGEST_ROW:].removesuffix("\n").split("\n")[1 - _MOST_LINES :]
+    return any(_is_open(" ".join(lines[first:]), separator) for first in range(len(lines)))
 
 
 def parse(
@@ -235,7 +251,7 @@ def alike(text: str, dialect: Dialect, places: Sequence[int]) -> Float64 | None:
     """
     if not text.isascii() or any(mark in text for mark in MARKS):
         return None
-    if max(places) >= dialect.width:
+    if max(places) >= dialect.width or (dialect.separator == "|" and _BARRED.search(text)):
         return None
     first = text.partition("\n")[0]
     each = first.count(dialect.separator) if dialect.separator else dialect.width

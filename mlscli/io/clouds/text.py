@@ -222,7 +222,9 @@ class _Parser:
         with open_text(self.path) as file:
             for _ in range(self.opening.first_line):
                 file.readline()
-            for line, text in blocks(file, self.opening.first_line + 1):
+            for line, text in blocks(
+                file, self.opening.first_line + 1, self.opening.dialect.separator
+            ):
                 if last:
                     raise InputError(f"{self.path}:{line}: found a line without an end")
                 ended, newline, last = text.rpartition("\n")

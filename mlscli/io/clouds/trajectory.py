@@ -15,7 +15,8 @@ import numpy as np
 
 from mlscli.errors import InputError
 from mlscli.geometry.poses import PoseTrack, are_poses, identity, in_order, unit
-from mlscli.io.clouds.dialect import Dialect, open_text
+from mlscli.io.clouds.columns import name_others
+from mlscli.io.clouds.dialect import Dialect, number, open_text
 from mlscli.io.clouds.opening import Opening, read_opening
 from mlscli.io.clouds.posecolumns import (
     GRAPH,
@@ -25,10 +26,12 @@ from mlscli.io.clouds.posecolumns import (
     TUM,
     W_FIRST,
     PoseColumns,
+    are_blocks_of_matrices,
     by_names,
     by_numbers,
     by_position,
     ordered,
+    stamps_of,
 )
 from mlscli.io.clouds.rows import BrokenRowError, blocks, parse, short
 from mlscli.io.files import open_input
@@ -37,6 +40,8 @@ from mlscli.runtime.arrays import Float64
 from mlscli.words import are, some, verb
 
 _LARGEST_FILE = 1 << 30
+_FAR_FROM_1 = 0.1
+"""Rounded quaternions are nearer to length 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,13 +120,22 @@ def read_trajectory(path: Path) -> Trajectory:
         opening = read_opening(path)
         if not opening.rows:
             raise InputError(f"{path}: holds no poses, expected lines of {' '.join(TUM)}")
+        if are_blocks_of_matrices(opening):
+            return _of_matrices(path)
         columns = _columns(opening)
+        others = _other_names(opening)
+        if others and (columns is None or not by_names(opening)):
+            raise InputError(
+                f"{path}: found {short(others)}, which names no x, y and z; expected names such as "
+                f"{' '.join(TUM)}"
+            )
         if columns is None:
             raise InputError(
                 f"{path}: found {opening.width} columns, expected {' '.join(TUM)}, or the first "
                 "four, or a header that names them"
             )
         rows, losses = _rows(path, opening, columns)
+        _refuse_other_numbers(path, rows, columns)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     notes = []
@@ -146,6 +160,40 @@ def _columns(opening: Opening) -> PoseColumns | None:
     return by_numbers(opening.rows, opening.width, separator) or by_position(opening.width)
 
 
+def _other_names(opening: Opening) -> str:
+    """Return a header or comment that names the columns, but no positions; empty: none does."""
+    for header in (*opening.headers, *reversed(opening.comments)):
+        for names in opening.names(header):
+            if len(names) == opening.width and name_others(names):
+                return header
+    return ""
+
+
+def _refuse_other_numbers(path: Path, rows: Float64, columns: PoseColumns) -> None:
+    """Refuse rows (N, columns) in which what should be quaternions by its place is something else.
+
+    Rounded ones are some per cent off length 1. Those that are told by their length have it.
+    """
+    if not columns.order:
+        return
+    places = [columns.layout.places[name] for name in QUATERNION]
+    lengths = _lengths(rows[:, [[*columns.layout.places.values()].index(at) for at in places]])
+    off = np.abs(lengths - 1) > _FAR_FROM_1
+    if 2 * off.sum() > len(lengths) > 0:
+        raise InputError(
+            f"{path}: found lengths from {lengths.min():.4g} to {lengths.max():.4g} in columns "
+            f"{min(places) + 1} to {max(places) + 1}, expected quaternions, of length 1; a first "
+            f"line of names, as {' '.join(TUM)}, says what columns hold"
+        )
+
+
+def _lengths(quaternions: Float64) -> Float64:
+    """Return the lengths of quaternions (N, 4), without those that are 0 or no numbers."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.sqrt(np.square(quaternions).sum(axis=1))
+    return np.asarray(lengths[np.isfinite(lengths) & (lengths > 0)])
+
+
 def _rows(path: Path, opening: Opening, columns: PoseColumns) -> tuple[Float64, list[str]]:
     """Return the columns of all rows, float64 (N, columns), and losses."""
     found, losses, line = [], list[str](), 1
@@ -166,6 +214,25 @@ def _rows(path: Path, opening: Opening, columns: PoseColumns) -> tuple[Float64, 
     return np.concatenate(found), losses
 
 
+def _of_matrices(path: Path) -> Trajectory:
+    """Read matrices 4 x 4, a row on a line; lines of another length, as of numbers, part them."""
+    flat, rows = Dialect("", 0), list[list[float]]()
+    with open_text(path) as file:
+        for line_number, line in enumerate(file, start=1):
+            words = flat.fields(line)
+            try:
+                rows += [[*map(number, words)]] if len(words) == 4 else []
+            except ValueError:
+                raise InputError(
+                    f"{path}:{line_number}: found {short(line.strip())}, expected a row of a matrix"
+                ) from None
+    whole = np.array(rows[: len(rows) // 4 * 4]).reshape(-1, 16)
+    found = _trajectory(path, whole[:, :12], PoseColumns(ordered(MATRIX)), [], is_timed=False)
+    cut = len(rows) % 4
+    loss = f"{path}: the last matrix has {cut} of 4 rows, and is left out"
+    return replace(found, losses=(loss,)) if cut else found
+
+
 def _of_graph(path: Path) -> Trajectory:
     """Read the poses of a g2o file, in the order of their numbers."""
     flat, poses = Dialect("", 0), list[tuple[float, ...]]()
@@ -176,7 +243,7 @@ def _of_graph(path: Path) -> Trajectory:
                 continue
             try:
                 name, *numbers = map(float, words[1:])
-                if words[0] == "VERTEX_SE2":
+                if words[0] in ("VERTEX_SE2", "VERTEX2"):
                     x, y, turn = numbers
                     pose = (x, y, 0.0, 0.0, 0.0, np.sin(turn / 2), np.cos(turn / 2))
                 else:
@@ -211,8 +278,16 @@ def _trajectory(
     else:
         positions = column(POSITION)
         attitudes = column(QUATERNION) if "qw" in names else None
+        lengths = np.empty(0) if attitudes is None else _lengths(attitudes)
+        if 2 * (np.abs(lengths - 1) > _FAR_FROM_1).sum() > len(lengths):
+            attitudes = None
+            notes.append(
+                f"{path}: its quaternions have lengths from {lengths.min():.4g} to "
+                f"{lengths.max():.4g} and not 1; attitudes are not used"
+            )
     is_timed = is_timed and "stamp" in names
-    stamps = column(["stamp"])[:, 0] if "stamp" in names else np.arange(float(len(rows)))
+    places = {name: place for place, name in enumerate(names)}
+    stamps = stamps_of(rows, places) + 0 if "stamp" in names else np.arange(float(len(rows)))
     quaternions = np.ones((len(rows), 4)) if attitudes is None else attitudes
     known = np.flatnonzero(are_poses(stamps, positions, quaternions))
     if not len(known):

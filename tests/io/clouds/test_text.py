@@ -294,6 +294,38 @@ def test_a_row_whose_quotes_protect_line_breaks_is_one_and_single_marks_join_not
     assert not source.losses
 
 
+@pytest.mark.parametrize("size", range(30, 90, 7))
+def test_a_row_whose_quotes_protect_line_breaks_may_lie_across_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
+    monkeypatch.setattr(rows_module, "BLOCK_CHARACTERS", size)
+    points = [[k + 0.5, 2.0 * k, -0.25 * k] for k in range(40)]
+    breaks = ["\n" * (1 + k % 4) for k in range(40)]
+    rows = [f'"wall{breaks[k]}no. {k}",{x},{y},{z}' for k, (x, y, z) in enumerate(points)]
+    source = TextCloud(text(tmp_path, "\n".join(["label,x,y,z", "P,9,9,9", *rows, ""])))
+
+    assert [cloud.points.tolist() for cloud in source.clouds()] == [[[9, 9, 9], *points]]
+    assert not source.losses
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "1|2|3|a b\n4|5|6|c, d\n",
+        "x | y | z | label\n1 | 2 | 3 | a\n4 | 5 | 6 | b\n",
+        "| label | x | y | z |\n|---|---|---|---|\n| 7 | 1 | 2 | 3 |\n| 8 | 4 | 5 | 6 |\n",
+        "|x|y|z\n0|1|2|3\n1|4|5|6\n",
+    ],
+)
+def test_bars_separate_also_at_the_ends_of_rows(tmp_path: Path, content: str) -> None:
+    assert one_cloud(tmp_path, content) == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_decimal_commas_between_bars_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'1,5' as x, expected a number with a decimal point"):
+        read(tmp_path, "1,5|2,5|3,5\n1,5|2,5|4,5\n")
+
+
 def test_a_single_mark_before_a_row_on_two_lines_joins_nothing(tmp_path: Path) -> None:
     content = 'label,x,y,z\nP,0,1,2\n6",3,4,5\n"a\n",6,7,8\n7",1,1,1\n'
     source = TextCloud(text(tmp_path, content))

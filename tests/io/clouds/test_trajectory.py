@@ -7,6 +7,7 @@ Python's own reading of their numbers.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,9 @@ def test_lines_that_tell_no_pose_are_left_out_and_told(tmp_path: Path) -> None:
         ("# here\n1 2 3 4\n\n1 2 x 4\n", "traj.txt:4: found 'x' as y"),
         ("1 2 3 4 0 0 0 1\n2 3 4 5 0 0 0\n", "traj.txt:2: found 7 columns"),
         ("stamp x y z\n1 2 3 4\na b c d\n", "traj.txt:3: found 'a' as stamp"),
+        ("stamp,lat,lon,alt\n1,47,8,400\n2,47,8,401\n", "stamp,lat,lon,alt', which names no x, y"),
+        ("# t lat lon alt\n1 47 8 400\n2 47 8 401\n", "names no x, y and z"),
+        ("1 0 0 0 0.1 0.2 3 7\n2 0 0 0 0.1 0 1 7\n", "lengths from 7.07. to 7.61. in columns 5"),
         (bytes(range(256)) * 10, "traj.txt"),
     ],
 )
@@ -228,6 +232,8 @@ FORMATS = {
     + written(f"{{ns}} {{n}} {{ns}} map {XYZ} {XYZW}").replace(" ", ","),
     "attitudes before positions": written(f"{{ns}} {WXYZ} {XYZ}").replace(" ", ","),
     "attitudes before positions, in seconds": written(f"{{t}} {XYZW} {XYZ}"),
+    "seconds and nanoseconds": "header.stamp.sec|header.stamp.nanosec|x|y|z|qx|qy|qz|qw\n"
+    + re.sub(r"(?m)^(\d{10})", r"\1|", written(f"{{ns}} {XYZ} {XYZW}")).replace(" ", "|"),
     "microseconds": "t;x;y;z;qw;qx;qy;qz\n"
     + written(f"{{ns}} {XYZ} {WXYZ}").replace("000 ", " ").replace(" ", ";"),
 }
@@ -296,6 +302,26 @@ def test_the_order_of_a_quaternion_without_names_is_that_of_the_programs_that_wr
     )
 
 
+def test_rounded_quaternions_are_read_and_named_ones_of_other_lengths_are_no_attitudes(
+    tmp_path: Path,
+) -> None:
+    rounded = read(tmp_path, "1 0 0 0 0.38 0 0 0.92\n2 0 0 0 0.5 0.5 0.5 0.5\n")
+    named = read(tmp_path, "stamp x y z qx qy qz qw\n1 1 2 3 0 0 0 5\n2 1 2 3 0 0 4 3\n")
+
+    assert rounded.attitudes is not None
+    np.testing.assert_allclose(rounded.attitudes[0], [0.38177, 0, 0, 0.92427], atol=1e-4)
+    assert named.attitudes is None
+    assert named.positions.tolist() == [[1, 2, 3]] * 2
+    assert "lengths from 5 to 5 and not 1" in named.notes[0]
+
+
+def test_a_matrix_that_was_cut_is_a_loss(tmp_path: Path) -> None:
+    trajectory = read(tmp_path, matrix(0) + matrix(1) + "\n".join(matrix(2).split("\n")[:2]))
+
+    assert len(trajectory.positions) == 2
+    assert "the last matrix has 2 of 4 rows" in trajectory.losses[0]
+
+
 def test_attitudes_before_positions_are_told_unless_names_say_so(tmp_path: Path) -> None:
     content = written(f"{{t}} {XYZW} {XYZ}")
 
@@ -309,8 +335,18 @@ def kitti(n: int) -> str:
     return f"{c} {-s} 0 {n / 2} {s} {c} 0 {n % 2 + 0.25} 0 0 1 1.5\n"
 
 
+def matrix(n: int) -> str:
+    rows = [*kitti(n).split(), *"0001"]
+    return "".join(" ".join(rows[k : k + 4]) + "\n" for k in (0, 4, 8, 12))
+
+
 UNTIMED = {
     "KITTI": "".join(map(kitti, range(6))),
+    "KITTI, 4 x 4": "".join(kitti(n)[:-1] + " 0 0 0 1\n" for n in range(6)),
+    "a matrix on four lines": "".join(map(matrix, range(6))),
+    "a matrix on four lines, after its numbers": "".join(
+        f"{n} {n} 6\n{matrix(n)}" for n in range(6)
+    ),
     "g2o": "EDGE_SE3:QUAT 0 1 1 2 3\n" + written(f"VERTEX_SE3:QUAT {{n}} {XYZ} {XYZW}") + "FIX 0\n",
     "positions and quaternions": written(f"{XYZ} {XYZW}"),
     "quaternions and positions": written(f"{XYZW} {XYZ}"),
