@@ -87,7 +87,7 @@ DEFAULT_PIPELINE: dict[str, dict[str, Any]] = {
         "max_slope": 2.0,
         "across": Cells(0.75),
     },
-    "orphans": {"horizontal": Cells(3), "vertical": Cells(1), "min_share": 0.03},
+    "orphans": {"horizontal": Cells(4), "vertical": Cells(2), "min_share": 0.03},
     "walls": {"join": Cells(2), "along": Cells(3), "support": 1, "pieces": None},
     "plaster": {"slope_reach": Cells(2), "support": 2, "over_lower": False, "sight": Cells(6)},
     "pyramids": {"pits": True},

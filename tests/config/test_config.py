@@ -59,7 +59,7 @@ def test_the_starting_values_are_those_of_the_contract_and_the_quality_bench() -
                 layer_share=0.3,
                 across=Cells(0.75),
             ),
-            Orphans(horizontal=Cells(3), vertical=Cells(1), min_neighbours=1, min_share=0.03),
+            Orphans(horizontal=Cells(4), vertical=Cells(2), min_neighbours=1, min_share=0.03),
             Walls(
                 height_thresh=0.5,
                 max_gap=Cells(1),

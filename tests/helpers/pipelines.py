@@ -47,7 +47,7 @@ _median = (
         Median,
         **_of_median,
         level=st.sampled_from([0.3, Cells(1)]),
-        min_share=st.sampled_from([0.0, 0.3]),
+        min_share=st.sampled_from([0.0, 0.3, 0.6]),
         max_slope=st.sampled_from([0.0, 0.4, 2.0]),
         layer_share=st.sampled_from([0.0, 0.3, 0.9]),
     )
@@ -64,6 +64,8 @@ _orphans = st.builds(
     vertical=st.sampled_from([0.3, 0.0]),
     min_neighbours=st.integers(1, 2),
     min_share=st.sampled_from([0.0, 0.1, 0.4]),
+    share_horizontal=st.sampled_from([1.3, 0.5]),
+    share_vertical=st.sampled_from([0.3, 0.0]),
 )
 _walls = st.builds(
     Walls,

@@ -21,20 +21,25 @@ def orphans(
     vertical: float,
     min_neighbours: int,
     min_share: float = 0.0,
+    share_box: tuple[float, float] = (0.0, 0.0),
 ) -> list[Patch]:
-    half = cells(horizontal, cell_size)
-
-    def stays(patch: Patch) -> bool:
+    def box(patch: Patch, horizontal: float, vertical: float) -> tuple[list[Patch], list[Patch]]:
+        """Return all patches in the columns of a box, and those of them that are near in height."""
+        half = cells(horizontal, cell_size)
         around = [
             other
             for other in patches
             if abs(other.ix - patch.ix) <= half and abs(other.iy - patch.iy) <= half
         ]
-        alike = [other for other in around if apart(patch, other) <= vertical]
+        return around, [other for other in around if apart(patch, other) <= vertical]
+
+    def stays(patch: Patch) -> bool:
+        _, near = box(patch, horizontal, vertical)
+        around, alike = box(patch, *share_box)
         points, all_points = (sum(other.count for other in some) for some in (alike, around))
         levels = len(around) / len({other.cell for other in around})
         enough = min_share * all_points * min(1.0, 10 / levels)
-        return len(alike) - 1 >= min_neighbours and points >= enough
+        return len(near) - 1 >= min_neighbours and points >= enough
 
     return [patch for patch in patches if stays(patch)]
 

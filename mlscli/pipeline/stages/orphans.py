@@ -4,8 +4,9 @@ A patch stays if at least `min_neighbours` other patches lie in its box: cell in
 `horizontal` in x and in y, and the distance of the intervals [height - depth, height] at most
 `vertical`. Patches of the same cell count.
 
-With `min_share`, it must also be a part of what was measured around it: of the points of all
-patches in the columns of its box, it and those near it in height hold at least that share. Outliers
+With `min_share`, it must also be a part of what was measured around it, in a box of its own,
+`share_horizontal` and `share_vertical`: of the points of all patches in the columns of that box, it
+and those near it in height hold at least that share. Outliers
 that lie near each other bear each other out, but where a surface was seen well, they are few beside
 its points. A surface that was seen as seldom as all around it is none of them. Of a tower with
 hundreds of levels each holds next to nothing: where the cells of the box hold more than 10 patches
@@ -51,42 +52,54 @@ class Orphans(MapStage):
     min_neighbours: int = parameter(1, "a patch with fewer others in its box is removed", low=0)
     min_share: float = parameter(
         0.0,
-        "a patch is removed if it and the others in its box hold a smaller share of the points in "
-        "the box's columns, at any height, or of ten levels' where there are more",
+        "a patch is removed if it and the others near it hold a smaller share of the points in the "
+        "columns around, at any height, or of ten levels' where there are more",
         low=0,
         high=1,
     )
+    share_horizontal: Length = parameter(
+        Cells(3), "half the width of the box of min_share, in x and in y", low=0
+    )
+    share_vertical: Length = parameter(
+        Cells(1), "how far in height others are near a patch that count for min_share", low=0
+    )
 
     def reach(self, cell_size: float) -> int:
-        """Return half the width of the box in whole cells."""
-        return whole_cells(self.horizontal, cell_size)
+        """Return half the width of the wider box in whole cells."""
+        reach = whole_cells(self.horizontal, cell_size)
+        if self.min_share > 0:
+            reach = max(reach, whole_cells(self.share_horizontal, cell_size))
+        return reach
 
     def transform(self, surface: SurfaceMap) -> SurfaceMap:
         """Return the map without its orphans."""
-        cells, half_y = surface.cells, self.reach(surface.cell_size)
-        # A box need not be wider than the map.
-        half_x = min(half_y, int(cells.ix[-1]) - int(cells.ix[0])) if len(cells.ix) else 0
-        vertical = in_units(self.vertical, surface.cell_size)
+        cells = surface.cells
         low, high, stays = surface.low_end, surface.height, np.empty(surface.size, dtype=np.bool_)
         deepest = float((high - low).max()) if surface.size else 0.0
 
         def look_around(begin: int, end: int) -> None:
-            _look_around(
-                begin, end, *cells, low, high, half_x, half_y, vertical, deepest,
-                self.min_neighbours, stays,
-            )  # fmt: skip
+            box = self._box(surface, self.horizontal, self.vertical)
+            _look_around(begin, end, *cells, low, high, *box, deepest, self.min_neighbours, stays)
 
         def weigh(begin: int, end: int) -> None:
+            box = self._box(surface, self.share_horizontal, self.share_vertical)
             _weigh(
-                begin, end, *cells, low, high, points, half_x, half_y, vertical, deepest,
-                float(self.min_share), stays,
-            )  # fmt: skip
+                begin, end, *cells, low, high, points, *box, deepest, float(self.min_share), stays
+            )
 
         in_ranges(len(cells.ix), look_around, weight=LIGHT)
         if self.min_share > 0:
             points = np.concatenate(([0], np.cumsum(surface.count, dtype=np.int64)))
             in_ranges(len(cells.ix), weigh, weight=LIGHT)
         return surface.take(stays)
+
+    @staticmethod
+    def _box(surface: SurfaceMap, horizontal: Length, vertical: Length) -> tuple[int, int, float]:
+        """Return half the width of a box in x and in y, in cells, and its reach in height."""
+        half_y, columns = whole_cells(horizontal, surface.cell_size), surface.cells.ix
+        # It need not be wider than the map.
+        half_x = min(half_y, int(columns[-1]) - int(columns[0])) if len(columns) else 0
+        return half_x, half_y, in_units(vertical, surface.cell_size)
 
 
 @kernel

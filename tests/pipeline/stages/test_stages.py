@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,8 +48,16 @@ Reference = Callable[[list[Patch]], list[Patch]]
 def orphans(rng: np.random.Generator) -> tuple[MapStage, Reference]:
     horizontal, vertical = float(rng.choice([0, 0.5, 1.0, 1.3])), float(rng.choice([0, 0.25, 0.5]))
     least, share = int(rng.integers(0, 4)), float(rng.choice([0, 0.05, 0.2, 0.5]))
-    stage = Orphans(horizontal=horizontal, vertical=vertical, min_neighbours=least, min_share=share)
-    return stage, lambda p: references.orphans(p, CELL, horizontal, vertical, least, share)
+    box = float(rng.choice([0, 0.5, 1.1])), float(rng.choice([0, 0.25, 0.6]))
+    stage = Orphans(
+        horizontal=horizontal,
+        vertical=vertical,
+        min_neighbours=least,
+        min_share=share,
+        share_horizontal=box[0],
+        share_vertical=box[1],
+    )
+    return stage, lambda p: references.orphans(p, CELL, horizontal, vertical, least, share, box)
 
 
 def gaps(rng: np.random.Generator) -> tuple[float, float, float]:
@@ -140,14 +149,17 @@ def test_orphans_among_many_levels_are_told_by_the_rule_and_in_their_time() -> N
         for height in np.cumsum(rng.choice([0.25, 0.5, 3.0], 60))
     ]
     for vertical, share in ((0.25, 0.0), (0.5, 0.01), (0.5, 0.05)):
-        stage = Orphans(horizontal=0.5, vertical=vertical, min_neighbours=2, min_share=share)
+        box: dict[str, Any] = {"share_horizontal": 0.5, "share_vertical": vertical}
+        stage = Orphans(horizontal=0.5, vertical=vertical, min_neighbours=2, min_share=share, **box)
         found = patches_of(stage.apply(map_of(patches)))
-        assert found == references.orphans(ordered(patches), CELL, 0.5, vertical, 2, share)
+        alone = ordered(patches), CELL, 0.5, vertical, 2
+        assert found == references.orphans(*alone, share, (0.5, vertical))
         assert 0 < len(found) < len(patches)
     # Each against each took minutes.
     tower = map_of([Patch(0, iy, 2.0 * k, 0.0, 0, 1) for iy in range(3) for k in range(8000)])
     begin = time.process_time()
-    assert not Orphans(horizontal=0.5, vertical=0.5, min_share=0.2).apply(tower).size
+    box = {"share_horizontal": 0.5, "share_vertical": 0.5}
+    assert not Orphans(horizontal=0.5, vertical=0.5, min_share=0.2, **box).apply(tower).size
     # A level of a tower is measured by ten levels, not by thousands.
     assert Orphans(horizontal=0.5, vertical=0.5, min_share=0.05).apply(tower).size == tower.size
     assert time.process_time() - begin < 1
