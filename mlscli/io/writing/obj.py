@@ -55,11 +55,7 @@ def write_obj(
     expect_path(path, "path", "the file to write")
     mesh = mesh_of(mesh)
     target = Path(path)
-    materials = target.with_suffix(".mtl")
-    if materials == target:
-        raise OutputError(f"{target}: is the name for the materials; end the mesh's in .obj")
-    if any(character.isspace() and character != " " for character in materials.name):
-        raise OutputError(f"{target}: an OBJ file cannot name {materials.name!r}; rename it")
+    materials = materials_beside(target)
     for file in (target, materials):
         refuse_existing(file, overwrite=overwrite)
     if len(mesh.vertices) > MAX_OBJ_VERTICES:
@@ -84,6 +80,22 @@ def write_obj(
         elif written and before is not None:
             materials.write_bytes(before)
         raise
+
+
+def materials_beside(target: Path) -> Path:
+    """Return the file of materials that belongs to an OBJ file.
+
+    Raises
+    ------
+    OutputError
+        Where its name cannot stand in an OBJ file, or is that of the mesh.
+    """
+    materials = target.with_suffix(".mtl")
+    if materials == target:
+        raise OutputError(f"{target}: is the name for the materials; end the mesh's in .obj")
+    if any(character.isspace() and character != " " for character in materials.name):
+        raise OutputError(f"{target}: an OBJ file cannot name {materials.name!r}; rename it")
+    return materials
 
 
 def _materials() -> str:

@@ -116,7 +116,9 @@ def _netcdf(layers: Layers, surface: SurfaceMap, place: Georeference | None) -> 
     file = netcdf_file(content, "w", version=2)
     file.Conventions, file.source = "CF-1.8", f"mls {__version__}"
     for name, value in _described(surface).items():
-        setattr(file, name, value)
+        # What is no ASCII is refused as text.
+        encoded = value.encode(errors="backslashreplace") if isinstance(value, str) else value
+        setattr(file, name, encoded)
     for axis, values in (("y", layers.y + north), ("x", layers.x + east)):
         file.createDimension(axis, len(values))
         variable = file.createVariable(axis, "d", (axis,))

@@ -12,7 +12,7 @@ import numpy as np
 
 from mlscli.errors import OutputError, UsageError, expect_path
 from mlscli.io.writing.atomic import write_together
-from mlscli.io.writing.obj import write_obj
+from mlscli.io.writing.obj import materials_beside, write_obj
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.mesh import Mesh, mesh_of
 from mlscli.runtime.arrays import Float64, Int32
@@ -85,7 +85,8 @@ def write_sdf(
     middle = np.floor((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
     shown = _only(mesh, used, vertices - middle)
     place = float(middle[0]), float(middle[1]), float(middle[2])
-    files = [target, *(target.with_suffix(ending) for ending in (".obj", ".mtl"))]
+    shape = target.with_suffix(".obj")
+    files = [target, shape, materials_beside(shape)]
     with temporary_folder(None, "sdf") as folder:
         made = Path(folder, files[1].name)
         write_obj(made, shown)

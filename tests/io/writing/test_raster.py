@@ -8,10 +8,12 @@ pass for one that does.
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import netcdf_file
 
 from mlscli.errors import OutputError, UsageError
 from mlscli.io.writing.npz import is_map
@@ -57,6 +59,13 @@ def test_xarray_finds_every_layer(tmp_path: Path) -> None:
         np.testing.assert_array_equal(data["y"], raster.y)
         expect_equal({name: data[name].values for name in data.data_vars}, raster)
         assert data["clearance"].attrs["long_name"] == LAYERS["clearance"]
+
+
+@pytest.mark.parametrize("frame", ["straße/地図\u202e", '"<b>&\x1b[31m]]>\n- x: y'])
+def test_a_netcdf_file_has_the_frame_whatever_it_is_called(frame: str, tmp_path: Path) -> None:
+    write_layers(tmp_path / "a.nc", replace(house(), frame_id=frame), "netcdf")
+    with netcdf_file(tmp_path / "a.nc", mmap=False) as file:
+        assert file.frame_id.decode() == frame
 
 
 def test_rasterio_finds_every_cell_at_its_place(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ to move the mesh and not say where it stands.
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -101,6 +102,9 @@ def test_what_cannot_be_is_refused_and_nothing_is_left(tmp_path: Path) -> None:
         write_sdf(tmp_path / "a.xml", house())
     with pytest.raises(OutputError, match="cannot name its mesh"):
         write_sdf(tmp_path / "a\udcff.sdf", house())
+    beside = re.escape(f"{tmp_path / 'a'}\nb.obj: an OBJ file cannot name")
+    with pytest.raises(OutputError, match=beside):
+        write_sdf(tmp_path / "a\nb.sdf", house())
     with pytest.raises(UsageError, match="no surface"):
         write_sdf(tmp_path / "a.sdf", map_of([]))
     (tmp_path / "a.mtl").write_bytes(b"mine")
