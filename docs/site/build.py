@@ -2,7 +2,7 @@
 
 Pages are those of docs/, the README, the benchmarks', CONTRIBUTING.md, SECURITY.md and
 CHANGELOG.md, where they are, and the notebook, which is run for it; the reference is made from the
-code: commands and their options, parameters, the public names of the package; and from
+code: commands and their options, parameters, the public names of the package, messages; and from
 docs/results.yaml: what `--json` prints. A warning ends it with an error, as of a link or an anchor
 that leads nowhere.
 """
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import click
 
-from docs.site import results
+from docs.site import messages, results
 from docs.site.notebook import NOTEBOOK, page
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,11 +52,13 @@ CHAPTERS = {
         "docs/flights",
         "docs/scoring",
         "docs/commands",
+        "docs/messages",
     ),
     "Reference": (
         "reference/commands",
         "reference/parameters",
         "reference/results",
+        "reference/messages",
         "reference/python",
     ),
     "How it works": (
@@ -167,6 +169,7 @@ def gather(source: Path) -> None:
     (reference / "commands.md").write_text(commands(), encoding="utf-8")
     (reference / "parameters.md").write_text(parameters(), encoding="utf-8")
     (reference / "results.md").write_text(results.page(), encoding="utf-8")
+    (reference / "messages.md").write_text(messages.page(), encoding="utf-8")
     (reference / "python.rst").write_text(python(), encoding="utf-8")
 
 
