@@ -26,7 +26,7 @@ from mlscli.io.clouds.structures import Member, bytes_of, gather, read_structure
 from mlscli.io.files import open_text_input
 from mlscli.io.source import Cloud, side_by_side
 from mlscli.runtime.arrays import Float64, Int64, UInt8
-from mlscli.words import some
+from mlscli.words import some, verb
 
 _COUNT = struct.Struct("<Q")
 _POINT = (
@@ -71,6 +71,14 @@ class ColmapModel(PointFile):
         )
         cameras = {image.name: image.camera.position for image in images}
         georeference, notes = georeference_of(file.parent, cameras)
+        lost_places = sum(not np.isfinite(place).all() for place in cameras.values())
+        if lost_places:
+            notes = [
+                f"{self.path}: {lost_places:,} of {some(len(cameras), 'image')} "
+                f"{verb(lost_places, 'has', 'have')} no pose in numbers; where the camera was "
+                "is not known of these",
+                *notes,
+            ]
         return content._replace(notes=[*content.notes, *notes], georeference=georeference)
 
     def _points_file(self) -> Path:

@@ -127,6 +127,7 @@ class LineReader:
         self._blocks = blocks(file)
         self._waiting: list[str] = []
         self._ends_whole = True
+        self._lines = 1
 
     def skip(self, count: int, width: int | None) -> None:
         """Skip rows, at most as many as there are; see `read`."""
@@ -161,6 +162,10 @@ class LineReader:
             Returns for the words of a line whether it is no such row, but of what follows.
         """
         shape = self._shape(width, count)
+        if ends is not None and shape.lines != self._lines:
+            # Lines of what follows, joined, may be as long as a row of these.
+            return NumberLines(np.empty((0, 0)), "", 0, 0, 0)
+        self._lines = shape.lines
         values: list[Float64] = []
         came = broken = strange = 0
         first_fault = ""

@@ -51,6 +51,7 @@ _W_FIRST = (11, 17)
 _ANGLES = ("roll", "pitch", "yaw")
 # As photogrammetry names the angles of its cameras: Pix4D, Metashape, Bentley.
 _OF_CAMERAS = {*POSITION, "omega", "phi", "kappa"}
+_IMAGE = re.compile(r".*\.(jpe?g|png|tiff?|dng|bmp|heic|webp)", re.IGNORECASE)
 _ROTATION = [0, 1, 2, 4, 5, 6, 8, 9, 10]
 _AXIS = re.compile(r"(.*?)[._/: ]*([xyzw])")
 _TURNS = re.compile(r"(.*[._/: ])?(q([._].*)?|.*(quat|orient|rotation|attitude).*)")
@@ -140,13 +141,16 @@ def are_poses_of_a_craft(opening: Opening) -> bool:
     """Return whether rows that are to be points are poses.
 
     Each has a stamp of its own, ascending, and a quaternion of length 1, or a matrix that turns and
-    moves; or they are vertices of a graph of poses, or cameras with the angles of photogrammetry.
-    Other names are no evidence: points may stand beside the pose from which they were seen.
+    moves; or they are vertices of a graph of poses, or cameras with the angles of photogrammetry,
+    or each with the name of an image of its own. Other names are no evidence: points may stand
+    beside the pose from which they were seen.
     """
     rows, width = opening.rows[:_FIRST_ROWS], opening.width
     if (rows and rows[0][0] in (*GRAPH, *_EDGES)) or are_blocks_of_matrices(opening):
         return True
     lines = (*opening.headers, *opening.comments)
+    if len(rows) > 1 and any(_are_images(words) for words in zip(*rows, strict=False)):
+        return True
     if any({*names} >= _OF_CAMERAS for line in lines for names in opening.names(line)):
         return True
     named = by_names(opening)
@@ -196,6 +200,11 @@ def stamps_of(values: Float64, places: Mapping[str, int]) -> Float64:
 def ordered(names: Sequence[str]) -> Layout:
     """Return the layout of columns in this order."""
     return Layout({name: place for place, name in enumerate(names)})
+
+
+def _are_images(words: Sequence[str]) -> bool:
+    """Return whether words are names of images, no two alike."""
+    return len({*words}) == len(words) and all(_IMAGE.fullmatch(word) for word in words)
 
 
 def _named(names: Sequence[str]) -> dict[str, int]:

@@ -131,8 +131,10 @@ def test_a_camera_is_where_its_pose_sees_zero(tmp_path: Path, write: Any) -> Non
 def test_a_pose_that_is_none_leaves_the_place_unknown(tmp_path: Path, write: Any) -> None:
     for quaternion in [(0.0, 0, 0, 0), (math.nan, 0, 0, 1), (1e300, 1e300, 0, 0)]:
         model = write(tmp_path / "m", [Image(1, "a", quaternion, (1, 2, 3))], POINTS[:1])
-        (cloud,) = ColmapModel(model).clouds()
+        source = ColmapModel(model)
+        (cloud,) = source.clouds()
         assert all(map(math.isnan, cloud.position))
+        assert sum("1 of 1 image has no pose in numbers" in note for note in source.notes) == 1
 
 
 @writers

@@ -299,6 +299,15 @@ def test_after_a_broken_element_no_vertex_is_guessed(tmp_path: Path) -> None:
     assert read(tmp_path / "a.ply")[0] == [[]]
 
 
+def test_short_rows_of_the_next_element_are_not_joined_to_a_vertex(tmp_path: Path) -> None:
+    header = ["element vertex 2", *XYZ, "element range_grid 8", "property list uchar int v"]
+    body = b"1 2 3\n4 5 6\n" + b"0\n" * 6 + b"1 0\n1 1\n"
+    (tmp_path / "a.ply").write_bytes(ply("ascii", *header, body=body))
+
+    assert read(tmp_path / "a.ply") == ([[[1, 2, 3], [4, 5, 6]]], [])
+    assert not PlyCloud(tmp_path / "a.ply").notes
+
+
 def test_a_list_of_less_than_nothing_is_a_broken_row(tmp_path: Path) -> None:
     header = ["element vertex 3", "property list int int l", *XYZ]
     body = b"1 9 1 2 3\n-1 4 5 6 7\n-4 4 5 6\n"

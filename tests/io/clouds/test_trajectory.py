@@ -322,6 +322,18 @@ def test_a_matrix_that_was_cut_is_a_loss(tmp_path: Path) -> None:
     assert "the last matrix has 2 of 4 rows" in trajectory.losses[0]
 
 
+@pytest.mark.parametrize("names", ["#name,x,y,z,heading,pitch,roll", "label,x,y,z,yaw,pitch,roll"])
+def test_places_of_images_are_no_cloud_unless_images_have_many_points(
+    tmp_path: Path, names: str
+) -> None:
+    rows = [f"{n}.JPG,{n},2,3,0,0,{n}" for n in range(6)]
+
+    with pytest.raises(InputError, match="holds no cloud but a trajectory"):
+        list(TextCloud(text(tmp_path, "\n".join([names, *rows]))).clouds())
+    (cloud,) = TextCloud(text(tmp_path, "\n".join([names, *rows, *rows]))).clouds()
+    assert len(cloud.points) == 12
+
+
 def test_attitudes_before_positions_are_told_unless_names_say_so(tmp_path: Path) -> None:
     content = written(f"{{t}} {XYZW} {XYZ}")
 
