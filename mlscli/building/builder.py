@@ -69,7 +69,8 @@ class MapBuilder:
         As for `build`.
     follow : callable, optional
         Called after every batch with the `Change` that it made: patches removed, patches added,
-        and the rows that the route gained. What the final stages change is not reported.
+        and the rows that the route gained; before the first, with `start`. What the final stages
+        change is not reported.
     jobs : int, optional
         Number of threads in which `finish` evaluates the map tile by tile, if in one pass.
     cluster : Cluster, optional
@@ -153,6 +154,8 @@ class MapBuilder:
         self._counts = self._pipeline.line_counts()
         self._growing: GrowingMap | None = None
         self._finished: SurfaceMap | None = None
+        if start is not None and follow is not None:
+            follow(Change.of(start.take(np.arange(0)), start, start.route))
 
     def add(self, keyframe: Keyframe) -> None:
         """Take a keyframe; a batch is processed once it has `batch.min_points` points.

@@ -25,6 +25,8 @@ from mlscli.maps.recorded import TURN, turn_of
 from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import AUTO, Parameters, to_dict
 from mlscli.pipeline.pipeline import Progress
+from mlscli.pipeline.tilewise.cluster import Cluster
+from mlscli.pipeline.tilewise.connection import connected
 
 ONTO = "onto"
 """The key in a map's meta of how it was added to others: for each, its name and how."""
@@ -139,6 +141,7 @@ def build_onto(
     progress: Progress | None = None,
     follow: Follower | None = None,
     jobs: int | None = None,
+    scheduler: str | Cluster | None = None,
     *,
     keep_points: bool = False,
 ) -> Build:
@@ -151,8 +154,9 @@ def build_onto(
         In the frame of the map.
     parameters : Parameters
         Those of the map, see `parameters_of`.
-    progress, follow, jobs
-        As for `mlscli.building.build.build`; `jobs` only where the map's points were kept.
+    progress, follow, jobs, scheduler
+        As for `mlscli.building.build.build`; `jobs` and `scheduler` only where the map's points
+        were kept. Where they were not, the first change is the map itself.
     keep_points : bool
         Whether the points of both are returned, too.
 
@@ -169,6 +173,18 @@ def build_onto(
     MlsError
         As for `build`.
     """
+    if isinstance(scheduler, str):
+        with connected(scheduler) as cluster:
+            return build_onto(
+                earlier,
+                recording,
+                parameters,
+                progress,
+                follow,
+                jobs,
+                cluster,
+                keep_points=keep_points,
+            )
     surface, points = earlier.surface, earlier.points
     if keep_points and points is None:
         raise UsageError(f"`keep_points`: {earlier.name} kept no points; leave it out")
@@ -191,6 +207,7 @@ def build_onto(
         progress=progress,
         follow=follow,
         jobs=jobs,
+        cluster=scheduler,
     )
     keeper = PointKeeper()
     keyframes: Iterator[Keyframe] = read(recording, builder.report, progress)

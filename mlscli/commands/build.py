@@ -45,6 +45,14 @@ _NO_MAPS = (
     *(".yaml", ".yml", ".bt", ".nc", ".tif", ".tiff", ".sdf", ".world"),
 )
 
+# What --onto and --keep-points do not go with, and why.
+_WHY = {
+    "--memory": "as the points of the map are held in memory",
+    "--dry-run": "which writes no map and adds to none",
+    "--resume": "as a checkpoint keeps no points",
+    "--checkpoint-every": "as a checkpoint keeps no points",
+}
+
 
 @click.command(cls=FormatsInHelp)
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, callback=piped)
@@ -177,7 +185,6 @@ def command(
         {"--onto": onto, "--keep-points": keep_points or None},
         {"--memory": memory, "--dry-run": dry_run or None, "--resume": resume or None}
         | {"--checkpoint-every": checkpoint_every},
-        {"--scheduler": scheduler, "--replay": replay} if onto is not None else {},
     )
     if free_space:
         settings = (*settings, "map.free_space=true")
@@ -186,6 +193,7 @@ def command(
         parameters = load(config, settings)
     else:
         parameters = parameters_of(earlier, config, settings)
+        _check_tiles(earlier, {"--jobs": jobs, "--scheduler": scheduler})
     _check_together(parameters, growing or replay is not None, jobs, scheduler, memory, scratch)
     keeps = resume or checkpoint_every is not None
     if keeps and jobs is None and scheduler is None and memory is None:
@@ -228,7 +236,14 @@ def command(
         built: Build | LargeBuild
         if earlier is not None:
             built = build_onto(
-                earlier, recording, parameters, progress, follow, jobs, keep_points=keep_points
+                earlier,
+                recording,
+                parameters,
+                progress,
+                follow,
+                jobs,
+                scheduler,
+                keep_points=keep_points,
             )
         elif memory is None:
             built = build(
@@ -292,12 +307,22 @@ def default_output(source: str) -> str:
     return f"{path.name if path.is_dir() else path.stem}.npz"
 
 
-def _check_kept(*options: dict[str, object]) -> None:
+def _check_kept(given: dict[str, object], options: dict[str, object]) -> None:
     """Refuse --onto and --keep-points with what they do not go with, by the options' values."""
-    given = [name for name, value in options[0].items() if value is not None]
-    for name, value in {**options[1], **options[2]}.items():
-        if given and value is not None:
-            raise UsageError(f"{given[0]}: does not go with {name}; leave one of them out")
+    names = [name for name, value in given.items() if value is not None]
+    for name, value in options.items():
+        if names and value is not None:
+            raise UsageError(f"{names[0]}: does not go with {name}, {_WHY[name]}; leave it out")
+
+
+def _check_tiles(earlier: Earlier, options: dict[str, object]) -> None:
+    """Refuse workers for a map without points, to which a recording is added batch by batch."""
+    for name, value in options.items():
+        if value is not None and earlier.points is None:
+            raise UsageError(
+                f"{name}: {earlier.name} kept no points, so that the recording is added batch by "
+                "batch and not tile by tile; leave it out, or build the map with --keep-points"
+            )
 
 
 def _earlier(file: str) -> Earlier:

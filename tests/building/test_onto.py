@@ -21,6 +21,7 @@ from mlscli.config import loads
 from mlscli.errors import InputError, UsageError
 from mlscli.io.reading.recording import Recording, open_recording
 from mlscli.io.writing.npz import read_map, read_points, write_map
+from mlscli.maps.change import Change
 from mlscli.maps.merging import merge_maps
 from mlscli.pipeline.parameters import Parameters
 from mlscli.runtime.arrays import Float64
@@ -111,6 +112,21 @@ def test_without_its_points_a_map_grows_on_as_the_sequential_mode_does(tmp_path:
         build_onto(earlier, open_recording(b), parameters, keep_points=True)
 
 
+@pytest.mark.parametrize("keep", [True, False])
+def test_who_follows_sees_the_map_become_that_of_both(keep: bool, tmp_path: Path) -> None:
+    a, b = flights(tmp_path)
+    parameters = loads("map: {cell_size: 0.5}\nbatch: {min_points: 50}\npipeline: [plaster: {}]")
+    earlier = earlier_of(open_recording(a), parameters, keep=keep)
+    changes: list[Change] = []
+    added = build_onto(earlier, open_recording(b), parameters, follow=changes.append).surface
+    grown = added.take(np.arange(0))
+    for change in changes:
+        grown = change.applied_to(grown)
+    assert replace(grown, route=added.route) == added
+    np.testing.assert_array_equal(np.concatenate([each.route for each in changes]), added.route)
+    assert len(changes) > 3
+
+
 def test_other_parameters_are_refused_and_named() -> None:
     earlier = earlier_of(open_recording(clouds(1, (200, 1))[0]), PLAIN)
     assert parameters_of(earlier) == parameters_of(earlier, "default")
@@ -169,4 +185,10 @@ def test_the_command_adds_a_flight_and_says_how(tmp_path: Path) -> None:
     assert "onto       kept.npz, by its points: as if both had been built together" in done.stdout
     assert read_map(tmp_path / "both.npz") == build(open_recording(a, b), PLAIN).surface
     refused = mls("build", "b.txt", "--onto", "bare.npz", "--memory", "2G", cwd=tmp_path)
-    assert refused.stderr == "mls: --onto: does not go with --memory; leave one of them out\n"
+    assert refused.stderr == (
+        "mls: --onto: does not go with --memory, as the points of the map are held in memory; "
+        "leave it out\n"
+    )
+    refused = mls("build", "b.txt", "--onto", "bare.npz", "--jobs", "2", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("mls: --jobs: bare.npz kept no points, so that")
