@@ -114,7 +114,7 @@ class LasCloud(PointFile):
                 f"{self.path}: another LAS file, joined to it at byte {joined:,}, is left out; "
                 "expected each in a file of its own"
             )
-        georeference, more = georeference_of(self.path, header)
+        georeference, more = georeference_of(self.path, header, data)
         notes += more
         whole = bool(kept.all())
         return Content(

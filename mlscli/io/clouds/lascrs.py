@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,22 +15,34 @@ from laspy.vlrs.known import GeoKeyDirectoryVlr, WktCoordinateSystemVlr
 
 from mlscli.errors import UsageError, printable, shorten
 from mlscli.maps.georeference import Georeference, named_crs
+from mlscli.runtime.arrays import UInt8
 from mlscli.words import some
 
 _PROJECTED, _GEODETIC, _VERTICAL = 3072, 2048, 4096
 # A key whose value stands in the key itself, and is a code of EPSG.
 _HERE = 0
 _CODES = range(1024, 32767)
+# An extended record: whose, its number, and how long it is; and the most that is read of a text.
+_EXTENDED, _LONGEST = struct.Struct("<2x16sHQ32x"), 1 << 20
 
 
-def georeference_of(path: Path, header: laspy.LasHeader) -> tuple[Georeference | None, list[str]]:
+def georeference_of(
+    path: Path, header: laspy.LasHeader, data: UInt8
+) -> tuple[Georeference | None, list[str]]:
     """Return the georeference of a file, and notes on what it states and cannot be used.
 
-    Where there are WKT and keys, the flag of the header says which of them counts. Coordinates are
-    those of the system itself: the offset is 0.
+    Where there are WKT and keys, the flag of the header says which of them counts; WKT may stand
+    behind the points, too. Coordinates are those of the system itself: the offset is 0.
+
+    Parameters
+    ----------
+    path : Path
+    header : laspy.LasHeader
+    data : uint8 (bytes,)
+        The whole file.
     """
     said = f"header of {path.name}"
-    texts = [text for text in map(_text, header.vlrs) if text]
+    texts = [text for text in (*map(_text, header.vlrs), *_behind(header, data)) if text]
     keys = [vlr for vlr in header.vlrs if isinstance(vlr, GeoKeyDirectoryVlr)]
     notes: list[str] = []
     if texts and (header.global_encoding.wkt or not keys):
@@ -61,6 +75,25 @@ def _text(record: Any) -> str:
     ):
         return str(record.record_data_bytes().decode("latin-1")).strip(" \0")
     return ""
+
+
+def _behind(header: laspy.LasHeader, data: UInt8) -> Iterator[str]:
+    """Yield the texts of WKT in the extended records, which lie behind the points."""
+    begin = header.start_of_first_evlr
+    for _ in range(header.number_of_evlrs):
+        if begin + _EXTENDED.size > len(data):
+            return
+        user, number, length = _EXTENDED.unpack_from(data.data, begin)
+        begin += _EXTENDED.size
+        if user.rstrip(b"\0").decode("latin-1") == WktCoordinateSystemVlr.official_user_id() and (
+            number in WktCoordinateSystemVlr.official_record_ids()
+        ):
+            text = data[begin : begin + min(length, _LONGEST)].tobytes()
+            try:
+                yield text.decode().strip(" \0")
+            except UnicodeDecodeError:
+                yield text.decode("latin-1").strip(" \0")
+        begin += length
 
 
 def _code(keys: dict[int, Any]) -> str:

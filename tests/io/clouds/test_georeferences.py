@@ -14,6 +14,7 @@ import laspy
 import numpy as np
 import pytest
 from laspy.vlrs.vlr import VLR
+from laspy.vlrs.vlrlist import VLRList
 
 from mlscli.errors import InputError, UsageError
 from mlscli.geometry.earth import local
@@ -88,6 +89,29 @@ def test_a_system_of_its_own_is_not_guessed(record: tuple[int, bytes], tmp_path:
     source = open_source(las(tmp_path / "a.las", record))
     assert source.georeference is None
     assert "`crs` says which it is" in source.notes[0]
+
+
+def test_a_las_file_may_state_its_system_behind_its_points(tmp_path: Path) -> None:
+    path = las(tmp_path / "a.las", wkt=True)
+    cloud = laspy.read(path)
+    cloud.evlrs = VLRList(
+        [
+            VLR("other", 2112, "", b"no system"),
+            VLR("LASF_Projection", 2112, "", TEXT.encode() + b"\0"),
+        ]
+    )
+    for name in ("b.las", "b.laz"):
+        cloud.write(tmp_path / name)
+        source = open_source(tmp_path / name)
+        assert source.georeference is not None
+        assert source.georeference.crs == TEXT
+        assert len(next(iter(source.clouds())).points) == 9
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[: -len(TEXT) - 30])
+        assert open_source(tmp_path / name).georeference is None
+        # Records far beyond the file, and more than there can be.
+        (tmp_path / name).write_bytes(whole[:235] + b"\xff" * 12 + whole[247:])
+        assert open_source(tmp_path / name).georeference is None
 
 
 def test_opensfm_lies_about_its_reference_and_says_it_inside_or_beside(tmp_path: Path) -> None:
