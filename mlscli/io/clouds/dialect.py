@@ -46,8 +46,9 @@ _LEAST_NUMBERS = 3
 _COMMENT = re.compile(
     r"(?<![A-Za-z.])#(?!N/A|VALUE!|REF!|DIV/0!|NUM!|NAME\?|(?<=[,;\t\"]#)[0-9A-Fa-f]+[\"\s]*(?:[,;\t]|$))"
 )
+# Digits are matched in one way alone: long rows of them that end wrong cost no square.
 _NUMBER = re.compile(
-    r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf|infinity)", re.IGNORECASE
+    r"[+-]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf|infinity)", re.IGNORECASE
 )
 _DECIMAL_COMMA = re.compile(r"[+-]?(?:[0-9]+,[0-9]*|,[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WINDOWS = re.compile(

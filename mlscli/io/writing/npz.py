@@ -232,9 +232,10 @@ def _reading(source: Path) -> Iterator[None]:
     except IsADirectoryError:
         raise InputError(f"{source}: is a folder; a map is a .npz file") from None
     except zipfile.BadZipFile as error:
-        raise InputError(f"{source}: is no map (.npz), or a damaged one: {error}") from None
+        why = one_line(error)
+        raise InputError(f"{source}: is no map (.npz), or a damaged one: {why}") from None
     except _DAMAGED as error:
-        raise InputError(f"{source}: is a damaged map: {error}") from None
+        raise InputError(f"{source}: is a damaged map: {one_line(error)}") from None
     except OSError as error:
         raise InputError(f"{source}: cannot be read: {error.strerror or error}") from None
 

@@ -10,6 +10,7 @@ each text is read as it is and with a quoted comment that sends it the slow way.
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,13 @@ def test_a_word_is_the_number_that_it_means(tmp_path: Path, word: str, value: fl
     # The others of its row are not lost.
     (cloud,) = read(tmp_path, f"x,y,z\n{word},2,3\n4,5,6\n7,8,9\n")
     np.testing.assert_equal(cloud.points, [[value, 2, 3], [4, 5, 6], [7, 8, 9]])
+
+
+@pytest.mark.parametrize("end", ["", "x", ".5.", ",5", "e"])
+def test_a_word_of_a_million_digits_costs_no_square(end: str) -> None:
+    begin = time.process_time()
+    assert is_number(f"{'9' * 10**6}{end}") == (not end)
+    assert time.process_time() - begin < 1
 
 
 @pytest.mark.parametrize(

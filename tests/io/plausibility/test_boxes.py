@@ -49,6 +49,21 @@ def test_bounds_of_other_points_are_told_and_nothing_is_dropped() -> None:
             assert outside is None or found.note.startswith("1,000 of 1,000")
 
 
+@pytest.mark.parametrize("row", [0, 4095, 4096, 8191])
+def test_a_point_beyond_any_face_is_seen_wherever_it_stands_and_on_the_face_is_within(
+    row: int,
+) -> None:
+    points = np.zeros((8192, 3))
+    low, high = np.array([-1.0, -2.0, -3.0]), np.array([1.0, 2.0, 3.0])
+    for axis in range(3):
+        for face, away in ((low, -np.inf), (high, np.inf)):
+            points[row] = 0
+            points[row, axis] = face[axis]
+            assert not within_bounds(points, low, high, np.zeros(3)).note
+            points[row, axis] = np.nextafter(face[axis], away)
+            assert within_bounds(points, low, high, np.zeros(3)).note
+
+
 @pytest.mark.parametrize("count", [1, 900])
 def test_records_of_zeros_outside_the_bounds_are_no_points(count: int) -> None:
     # Beside the others, as offsets are chosen; however many were never written.

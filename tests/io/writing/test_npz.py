@@ -206,6 +206,17 @@ def test_a_map_cut_anywhere_is_refused_in_one_line(written: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
+def test_a_name_of_30_000_bytes_is_not_said_in_full(written: Path) -> None:
+    # The length of a member's name in its own header, not in the directory.
+    content = bytearray(written.read_bytes())
+    at = content.index(b"PK\x03\x04", 4)
+    content[at + 26 : at + 28] = (30_000).to_bytes(2, "little")
+    written.write_bytes(content + bytes(60_000))
+    with pytest.raises(InputError) as refused:
+        read_map(written)
+    assert len(str(refused.value)) < 1000
+
+
 def test_a_map_with_flipped_bits_is_refused_or_the_same_but_never_another(
     surface: SurfaceMap, written: Path
 ) -> None:
