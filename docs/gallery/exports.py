@@ -1,11 +1,12 @@
 """Make the pictures of what other programs read: ``python -m docs.gallery.exports [NAME ...]``.
 
 Names are those of the functions in `ALL`. Each picture is drawn from the files that
-``mls export`` writes of the hamlet in the README, or of a house.
+``mls export`` writes of the hamlet in the README, or of a house; that of the page by Chromium.
 """
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -20,6 +21,8 @@ from PIL import Image, ImageDraw, ImageFont
 from rosbags.highlevel import AnyReader
 
 from benchmarks import figures
+from benchmarks.clearances import NOISES, trials
+from benchmarks.clearances import mapped as with_free_space
 from docs.gallery.make import CAPTION, WIDTH, hamlet, pixels, save
 from docs.gallery.render import View, render
 from mlscli.config import load
@@ -34,6 +37,7 @@ from mlscli.runtime.arrays import Array, UInt8
 from mlscli.scenes.flight import fly
 from mlscli.scenes.presets import make
 from mlscli.trials.staged import mapped
+from mlscli.view.page import write_page
 
 EDGE = 8
 
@@ -132,7 +136,29 @@ def _shades(tree: Any, places: Sequence[Sequence[tuple[float, float, float]]]) -
     return image
 
 
-ALL: Sequence[Callable[[], None]] = (nav2, octomap, pointcloud, layers, gazebo)
+def page() -> None:
+    """Have a browser draw the page of a house, with a craft that does not fit its window."""
+    trial = next(each for each in trials() if each.name.startswith("window"))
+    surface = with_free_space(trial.scene, NOISES["sigma 0.02"], 0)
+    way = ",".join(f"{number:g}" for number in trial.corners.ravel())
+    with tempfile.TemporaryDirectory() as folder:
+        written, drawn = Path(folder, "house.html"), Path(folder, "page.png")
+        write_page(written, surface, title="house")
+        subprocess.run(
+            [
+                *("chromium", "--headless=new", "--no-sandbox", f"--user-data-dir={folder}"),
+                *("--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+                *(f"--window-size={WIDTH},700", "--virtual-time-budget=9000"),
+                f"--screenshot={drawn}",
+                f"{written.as_uri()}#view=-115,22,6.5,-0.3,0.6,0.7&fit=0.9,0.9,0,{way}",
+            ],
+            check=True,
+            capture_output=True,
+        )
+        save("page", np.asarray(Image.open(drawn).convert("RGB")))
+
+
+ALL: Sequence[Callable[[], None]] = (nav2, octomap, pointcloud, layers, gazebo, page)
 
 
 def tiled(images: Sequence[tuple[str, Array]], columns: int = 2) -> UInt8:
