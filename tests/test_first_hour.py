@@ -8,47 +8,23 @@ from __future__ import annotations
 
 import re
 import runpy
-import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.helpers.program import mls
+from tests.helpers.told import agrees, steps
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs/first-hour.md").read_text(encoding="utf-8")
-LEFT_OUT = "..."
-
-
-def steps() -> list[tuple[list[str], list[str]]]:
-    """Return the words of each command of the page, and the lines that it is shown to print."""
-    blocks = re.findall(r"(?:^    .*\n)+", PAGE, flags=re.MULTILINE)
-    told = "".join(re.sub("^    ", "", block, flags=re.MULTILINE) for block in blocks)
-    _, *parts = re.split(r"^\$ ", told, flags=re.MULTILINE)
-    lines = [part.splitlines() for part in parts]
-    return [(shlex.split(command), shown) for command, *shown in lines]
-
-
-def agrees(shown: list[str], printed: list[str]) -> bool:
-    """Return whether lines are those printed, in order; ``...`` stands for any number of them.
-
-    At the end of a line it stands for the rest of it.
-    """
-    if not shown:
-        return not printed
-    if shown[0].strip() == LEFT_OUT:
-        return any(agrees(shown[1:], printed[row:]) for row in range(len(printed) + 1))
-    begin, is_cut, _ = shown[0].partition(LEFT_OUT)
-    same = printed[:1] == [begin] or (is_cut and printed and printed[0].startswith(begin))
-    return bool(same) and agrees(shown[1:], printed[1:])
 
 
 def test_every_command_prints_what_the_page_shows_and_its_python_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert len(steps()) > 12
-    for words, shown in steps():
+    assert len(steps(PAGE)) > 12
+    for words, shown in steps(PAGE):
         assert words[0] == "mls"
         done = mls(*words[1:], cwd=tmp_path)
         assert agrees(shown, done.stdout.splitlines()), (words, done.stdout, done.stderr)

@@ -39,6 +39,10 @@ docs/first-hour-python
 
 CHAPTERS = {
     "How to": (
+        "docs/howto/recordings",
+        "docs/howto/sites",
+        "docs/howto/large",
+        "docs/howto/share",
         "docs/reading",
         "docs/viewing",
         "docs/queries",
