@@ -6,6 +6,7 @@ answer the same whatever stands on the line, so topics come from a recording the
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -69,3 +70,20 @@ def test_bash_runs_the_script_and_sets_no_space_behind_the_equals_sign(tmp_path:
         ["bash", "-c", script], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout.split() == ["compopt", "-o", "nospace", "plaster.slope_reach="]
+
+
+@pytest.mark.skipif(not shutil.which("fish"), reason="needs fish")
+def test_fish_runs_the_script(tmp_path: Path) -> None:
+    program = tmp_path / "mls"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m mlscli "$@"\n')
+    program.chmod(0o755)
+    script = f"""
+        set -x PATH {tmp_path} $PATH
+        mls completion fish | source
+        complete -C "mls synth --type tun"
+    """
+    env = {"HOME": str(tmp_path), "PATH": os.environ["PATH"]}
+    done = subprocess.run(
+        ["fish", "-c", script], capture_output=True, text=True, timeout=60, check=True, env=env
+    )
+    assert done.stdout.split("\t")[0] == "tunnel"
