@@ -6,7 +6,7 @@ How one could cheat: cells in order alone, each once; cells so far apart that a 
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mlscli.maps.cells import GREATEST_INDEX, LEAST_INDEX, CellSet, on_grid, unpack
@@ -15,6 +15,8 @@ near = st.integers(-6, 6) | st.sampled_from([LEAST_INDEX, LEAST_INDEX + 1, GREAT
 cells = st.lists(st.tuples(near, near), max_size=12)
 
 
+@example(listed=[(0, 0)], asked=[(0, 0)], reach=0, in_order=True)
+@example(listed=[(0, 0)], asked=[(0, 0), (0, 3)], reach=1, in_order=True)
 @given(listed=cells, asked=cells, reach=st.integers(0, 3), in_order=st.booleans())
 def test_a_set_contains_what_lies_within_its_reach_in_any_order(
     listed: list[tuple[int, int]], asked: list[tuple[int, int]], reach: int, in_order: bool
@@ -31,9 +33,9 @@ def test_a_set_contains_what_lies_within_its_reach_in_any_order(
     assert cell_set.widened(reach).contains(*found.T).tolist() == expected.tolist()
 
 
-def test_points_are_on_the_grid_up_to_its_last_cell() -> None:
+def test_points_are_on_the_grid_up_to_its_last_cell_at_any_height() -> None:
     last = [LEAST_INDEX, LEAST_INDEX + 0.5, GREATEST_INDEX + 0.5, 0.0]
     beyond = [LEAST_INDEX - 0.5, GREATEST_INDEX + 1.0, np.nan, np.inf, -np.inf]
-    xyz = np.array([[x, y, 0.0] for x in [*last, *beyond] for y in [*last, *beyond]])
+    xyz = np.array([[x, y, 1e300] for x in [*last, *beyond] for y in [*last, *beyond]])
     expected = [x in last and y in last for x in [*last, *beyond] for y in [*last, *beyond]]
     assert on_grid(xyz, 1.0).tolist() == expected

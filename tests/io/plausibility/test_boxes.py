@@ -49,11 +49,11 @@ def test_bounds_of_other_points_are_told_and_nothing_is_dropped() -> None:
             assert outside is None or found.note.startswith("1,000 of 1,000")
 
 
-@pytest.mark.parametrize("row", [0, 4095, 4096, 8191])
+@pytest.mark.parametrize("row", [0, 4095, 4096])
 def test_a_point_beyond_any_face_is_seen_wherever_it_stands_and_on_the_face_is_within(
     row: int,
 ) -> None:
-    points = np.zeros((8192, 3))
+    points = np.zeros((4097, 3))
     low, high = np.array([-1.0, -2.0, -3.0]), np.array([1.0, 2.0, 3.0])
     for axis in range(3):
         for face, away in ((low, -np.inf), (high, np.inf)):
