@@ -8,7 +8,7 @@ transform before it, and between transforms of different parents the earlier one
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -132,6 +132,21 @@ class TransformTree:
             Where the frames form a cycle.
         """
         return self._upwards(bare(frame), {})
+
+    def leaves(self) -> list[str]:
+        """Return the frames that are above no other, by the latest transforms and by name.
+
+        Raises
+        ------
+        InputError
+            Where the frames form a cycle.
+        """
+        known, above, frames = set[str](), set[str](), self.frames
+        for frame in frames:
+            chain = self._upwards(frame, {}, known)
+            known.update(chain)
+            above.update(chain[1:])
+        return [frame for frame in frames if frame not in above]
 
     def moves(self, frame: str) -> bool:
         """Return whether a frame or one of its ancestors has transforms over time."""
@@ -271,18 +286,24 @@ class TransformTree:
             }
             yield period.ravel() == number, parents
 
-    def _upwards(self, frame: str, parents: Mapping[str, str]) -> list[str]:
-        """Return a frame and its ancestors; of several parents, that in `parents` or the last."""
-        chain = [frame]
-        while above := self._parents(chain[-1]):
+    def _upwards(
+        self, frame: str, parents: Mapping[str, str], known: Collection[str] = ()
+    ) -> list[str]:
+        """Return a frame and its ancestors; of several parents, that in `parents` or the last.
+
+        It ends, too, with the first frame that is `known`.
+        """
+        chain, passed = [frame], {frame}
+        while chain[-1] not in known and (above := self._parents(chain[-1])):
             parent = parents.get(chain[-1]) or above[0]
             if len(above) > 1 and chain[-1] not in parents:
                 (last,) = self._links[chain[-1]].parent_at(np.array([np.inf]))
                 parent = above[last]
-            if parent in chain:
+            if parent in passed:
                 circle = " below ".join(map(repr, [*chain[chain.index(parent) :], parent]))
                 raise InputError(f"the frames hang in a circle, {circle}; expected a tree")
             chain.append(parent)
+            passed.add(parent)
         return chain
 
     def _route(self, target: str, source: str) -> _Route:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import random
 import re
+import time
 
 import numpy as np
 import pytest
@@ -280,3 +281,23 @@ def test_the_rotation_and_the_translation_are_of_the_way_asked() -> None:
 
     np.testing.assert_allclose(T_map_lidar.translation, np.tile([0, 6, 0], (3, 1)), atol=1e-12)
     np.testing.assert_allclose(T_map_lidar.rotation, np.tile(quarter, (3, 1)), atol=1e-12)
+
+
+def test_leaves_are_above_no_frame_and_cost_no_square() -> None:
+    # By name, the frames of the chain come from its root to its end.
+    tree = TransformTree()
+    for n in range(20_000):
+        tree.add_static(f"f{n:05}", f"f{n + 1:05}", np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+    tree.add_static("f00007", "beside", np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+    begin = time.process_time()
+    assert tree.leaves() == ["beside", "f20000"]
+    assert len(tree.ancestors("f20000")) == 20_001
+    assert time.process_time() - begin < 2
+
+
+def test_frames_in_a_circle_have_no_leaves() -> None:
+    tree = TransformTree()
+    for parent, child in (("b", "c"), ("c", "d"), ("d", "b"), ("d", "e")):
+        tree.add_static(parent, child, np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+    with pytest.raises(InputError, match="hang in a circle"):
+        tree.leaves()

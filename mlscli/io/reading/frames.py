@@ -230,11 +230,10 @@ def body_of(tree: TransformTree, near: Sequence[str] = ()) -> str | None:
         if named:
             return named[0]
     try:
-        above = {parent for frame in frames for parent in tree.ancestors(frame)[1:]}
+        leaves = tree.leaves()
     except InputError:
         # Frames that hang in a circle have no leaf.
         return None
-    leaves = [frame for frame in frames if frame not in above]
     return leaves[0] if len(leaves) == 1 else None
 
 
