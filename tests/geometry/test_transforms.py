@@ -286,13 +286,13 @@ def test_the_rotation_and_the_translation_are_of_the_way_asked() -> None:
 def test_leaves_are_above_no_frame_and_cost_no_square() -> None:
     # By name, the frames of the chain come from its root to its end.
     tree = TransformTree()
-    for n in range(20_000):
+    for n in range(5000):
         tree.add_static(f"f{n:05}", f"f{n + 1:05}", np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
     tree.add_static("f00007", "beside", np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
     begin = time.process_time()
-    assert tree.leaves() == ["beside", "f20000"]
-    assert len(tree.ancestors("f20000")) == 20_001
-    assert time.process_time() - begin < 2
+    assert tree.leaves() == ["beside", "f05000"]
+    assert len(tree.ancestors("f05000")) == 5001
+    assert time.process_time() - begin < 1
 
 
 def test_frames_in_a_circle_have_no_leaves() -> None:

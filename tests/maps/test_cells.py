@@ -17,6 +17,8 @@ cells = st.lists(st.tuples(near, near), max_size=12)
 
 @example(listed=[(0, 0)], asked=[(0, 0)], reach=0, in_order=True)
 @example(listed=[(0, 0)], asked=[(0, 0), (0, 3)], reach=1, in_order=True)
+@example(listed=[(0, 0), (0, 5)], asked=[(0, 0), (0, 5)], reach=0, in_order=True)
+@example(listed=[(0, 0)], asked=[(5, 0), (0, 0)], reach=0, in_order=False)
 @given(listed=cells, asked=cells, reach=st.integers(0, 3), in_order=st.booleans())
 def test_a_set_contains_what_lies_within_its_reach_in_any_order(
     listed: list[tuple[int, int]], asked: list[tuple[int, int]], reach: int, in_order: bool
