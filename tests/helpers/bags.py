@@ -154,9 +154,10 @@ def write_serialized(
     writer: Any, store: Typestore, messages: Iterable[tuple[str, str, int, bytes | memoryview]]
 ) -> None:
     """Write topics, types, times and data with a writer of rosbags, and close it."""
-    connections: dict[str, Any] = {}
+    connections: dict[tuple[str, str], Any] = {}
     with writer:
         for topic, type_, log_time, data in messages:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, type_, typestore=store)
-            writer.write(connections[topic], log_time, data)
+            key = topic, type_
+            if key not in connections:
+                connections[key] = writer.add_connection(topic, type_, typestore=store)
+            writer.write(connections[key], log_time, data)

@@ -32,6 +32,13 @@ _SEPARATOR = "=" * 80 + "\n"
 
 _INCLUDE = re.compile(r"^[ \t]*#[ \t]*include[^\n]*$", re.MULTILINE)
 
+# IDL of ROS, and plain, as recorders of DDS write it.
+_IDL = ("ros2idl", "omgidl")
+
+# The module that DDS has for types of ROS. Names in it may end in an underscore, but what they
+# describe is the type of ROS.
+_DDS_MODULE = b"dds_"
+
 # Bounds of a definition, far beyond those of any message in use: characters, lines or fields, and
 # in IDL how deep brackets stand within each other. The parsers of rosbags take the square of the
 # lines, and for each level of brackets several times as long.
@@ -53,7 +60,8 @@ _LARGEST_FIXED_PART = 2**16
 def typestore_of(channel: Channel) -> Typestore:
     """Return the types of a channel's schema, or those of a ROS distribution where it has none.
 
-    A schema that is no more than the name of its type, as converters write it, is none.
+    A schema that is no more than the name of its type, as converters write it, is none, and so is
+    one that names types as DDS does.
 
     Raises
     ------
@@ -62,7 +70,8 @@ def typestore_of(channel: Channel) -> Typestore:
         type, or describes an impossible message.
     """
     text = channel.schema.decode(errors="replace").strip()
-    if text and ros2_name(text) != channel.type:
+    is_of_dds = channel.schema_encoding == "omgidl" and _DDS_MODULE in channel.schema
+    if text and ros2_name(text) != channel.type and not is_of_dds:
         store = get_typestore(Stores.EMPTY)
         store.register(_parsed(channel))
     else:
@@ -117,16 +126,16 @@ def smallest_size(type_: str, definitions: Typesdict) -> int:
 
 def _parsed(channel: Channel) -> Typesdict:
     text = channel.schema.decode(errors="replace").replace("\r\n", "\n")
-    is_idl = channel.schema_encoding == "ros2idl"
+    is_idl = channel.schema_encoding in _IDL
     if is_idl and len(text) <= _LONGEST:
         text = _ANNOTATION.sub(lambda found: found[1] or " ", text)
     _refuse_endless(text, is_idl=is_idl)
     if channel.schema_encoding in ("ros1msg", "ros2msg"):
         return get_types_from_msg(text, channel.type)
-    if channel.schema_encoding != "ros2idl":
+    if not is_idl:
         raise ValueError(
-            f"it is written in {channel.schema_encoding[:50]!r}, expected ros1msg, ros2msg or "
-            "ros2idl"
+            f"it is written in {channel.schema_encoding[:50]!r}, expected ros1msg, ros2msg, "
+            "ros2idl or omgidl"
         )
     types: Typesdict = {}
     # Definitions that a file includes follow in the recording.

@@ -54,6 +54,7 @@ class TopicSource:
         self._came = self._lost = 0
         self._first_fault = ""
         self._lost_beside: dict[str, None] = {}
+        self._beside = ""
         self._refused: Counter[str] = Counter()
         self._skipped = 0
         self._doubts: Counter[str] = Counter()
@@ -109,7 +110,7 @@ class TopicSource:
     @property
     def notes(self) -> Sequence[str]:
         """What the user should know about how it is read."""
-        notes = list(self._container.notes)
+        notes = [*self._container.notes, *filter(None, [self._beside])]
         if self._skipped:
             notes.append(f"{self.label}: {some(self._skipped, 'marker')} of kinds without points")
         notes += [
@@ -361,12 +362,21 @@ class TopicSource:
                 f"{self.path}: holds no clouds, found {_listed(self._topics)}; can be mapped: "
                 f"{MAPPABLE}{self._damage()}"
             )
-        if len(mappable) > 1:
+        if len({topic.name for topic in mappable}) > 1:
             raise UsageError(
                 f"{self.path}: holds {len(mappable)} topics with clouds, of which `topic` picks "
                 f"one: {_listed(mappable)}"
             )
-        return mappable[0]
+        return self._fullest(mappable)
+
+    def _fullest(self, named: Sequence[Topic]) -> Topic:
+        """Return of the types of one topic that with most messages, and note the others."""
+        most = max(named, key=lambda topic: topic.count or 0)
+        others = [topic for topic in named if topic is not most and topic.count != 0]
+        if others:
+            self._beside = f"{self.path}: {most.name} holds messages of other types, not taken: "
+            self._beside += ", ".join(f"{other.type}{_times(other.count)}" for other in others)
+        return most
 
     def _named(self, name: str) -> Topic:
         named = [topic for topic in self._topics if _same(topic.name, name)]
@@ -375,10 +385,10 @@ class TopicSource:
                 f"{self.path}: `topic` {name}: no such topic, found {_listed(self._topics)}"
                 f"{self._damage()}"
             )
-        topic = next((topic for topic in named if topic.mappable), named[0])
-        if not topic.mappable:
-            raise UsageError(f"{self.path}: `topic` {name}: {topic.why_not}")
-        return topic
+        mappable = [topic for topic in named if topic.mappable]
+        if not mappable:
+            raise UsageError(f"{self.path}: `topic` {name}: {named[0].why_not}")
+        return self._fullest(mappable)
 
     def _damage(self) -> str:
         """Return the losses of the container, a possible reason why a topic is missing."""

@@ -38,9 +38,21 @@ def angles_of(count: int, low: float, high: float, increment: float) -> Finding[
     Returns
     -------
     Finding of float64 (count,)
-        In radians, by the increment, which is what viewers go by. What spans many radians is
-        taken as degrees, and refused where it cannot be degrees either.
+        In radians, by the increment, which is what viewers go by. Where that is 0 or no number,
+        they are spread from bound to bound, if these are apart; else refused, as beams of one
+        direction are no scan. What spans many radians is taken as degrees, and refused where it
+        cannot be degrees either.
     """
+    if count > 1 and not (math.isfinite(increment) and increment):
+        if low == high or not math.isfinite(low + high):
+            return refused(
+                f"angle_increment is {increment:g}, and no bounds tell where beams point"
+            )
+        spread = angles_of(count, low, high, (high - low) / (count - 1))
+        note = f"angle_increment is {increment:g}; the beams are spread from angle_min to angle_max"
+        if spread.value is None:
+            return spread
+        return doubted(spread.value, "; ".join(filter(None, (note, spread.note))))
     angles: Float64 = low + np.arange(count, dtype=np.float64) * increment
     span = abs((count - 1) * increment)
     if count > 1 and span > _TURNS:
@@ -50,7 +62,7 @@ def angles_of(count: int, low: float, high: float, increment: float) -> Finding[
             np.radians(angles),
             "its beams span more radians than two turns; they are taken as degrees",
         )
-    if count < 2 or low == high or not math.isfinite(low + high + increment):
+    if count < 2 or low == high or not math.isfinite(low + high):
         return right(angles)
     if abs(float(angles[-1]) - high) <= _APART * abs(increment):
         return right(angles)

@@ -35,6 +35,9 @@ _LARGEST = np.finfo(np.float64).max
 _NEAR = 0.98
 """From this part of the bound on, ranges may stand for nothing hit."""
 
+_FAR = 3.0
+"""Most ranges beyond so many times the bound are no walls that go on beyond it."""
+
 
 class Measured(NamedTuple):
     """What the beams of a scan have measured.
@@ -76,6 +79,8 @@ def measured(ranges: Float64, low: float, high: float) -> Finding[Measured]:
     unmeasured = []
     if hits < len(ranges) and (out := int(np.count_nonzero(np.isfinite(ranges))) - hits):
         unmeasured.append((OUT_OF_RANGE, out))
+        if 2 * out > len(ranges):
+            notes += _contradicted(ranges, low, high)
     ranges = np.where(beams, ranges, np.nan)
     pile = _pile(ranges, _NEAR * high)
     if pile is not None:
@@ -85,6 +90,26 @@ def measured(ranges: Float64, low: float, high: float) -> Finding[Measured]:
         unmeasured.append((NOTHING_HIT, int(np.count_nonzero(missed))))
         notes.append("beams that share one range, next to range_max, have hit nothing")
     return Finding(Measured(ranges, tuple(unmeasured)), "; ".join(notes))
+
+
+def _contradicted(ranges: Float64, low: float, high: float) -> list[str]:
+    """Return a note if most ranges lie far out of bounds and do not share one value."""
+    told = ranges[np.isfinite(ranges) & (ranges > 0)]
+    for out, bound, where in (
+        (told < low, low, "below range_min"),
+        (told > _FAR * high, high, "beyond range_max"),
+    ):
+        beyond = told[out]
+        if 2 * len(beyond) <= len(told):
+            continue
+        middle = float(np.median(beyond))
+        # What most of them share is a driver's word for nothing hit.
+        if 2 * np.count_nonzero(beyond == middle) < len(beyond):
+            return [
+                f"most ranges, as {middle:.3g}, are {where}, {bound:.3g}, and dropped; that bound "
+                "or their unit may be wrong"
+            ]
+    return []
 
 
 def _pile(ranges: Float64, near: float) -> float | None:

@@ -302,13 +302,25 @@ def world_above(tree: TransformTree, frame: str) -> str | None:
     """Return the world frame above a frame; None where there is none.
 
     It is the topmost with the name of a world frame; or else the root, if the frame moves in it.
-    A root in which the frame does not move is a part of the craft.
+    A root in which the frame does not move is a part of the craft: where a node tells transforms
+    the other way round, the one world frame that moves below it counts.
     """
     above = tree.ancestors(frame)[1:]
     worlds = [parent for parent in above if is_world(parent)]
     if worlds:
         return worlds[-1]
-    return above[-1] if above and tree.moves(frame) else None
+    if above and tree.moves(frame):
+        return above[-1]
+    below = [world for world in _moving_beside(tree, frame) if is_world(world)]
+    top = [world for world in below if not set(below) & set(tree.ancestors(world)[1:])]
+    return top[0] if len(top) == 1 else None
+
+
+def _moving_beside(tree: TransformTree, frame: str) -> list[str]:
+    """Return the frames that move below the root of a frame that does not."""
+    root = tree.ancestors(frame)[-1]
+    others = (other for other in tree.frames if other not in (root, frame))
+    return [each for each in others if root in _above(tree, each) and tree.moves(each)]
 
 
 def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[str]:
@@ -340,7 +352,10 @@ def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
     root, body = tree.ancestors(frame)[-1], body_of(tree)
     tell = f"the transforms lead to {root!r} only" if root != frame else "no transforms lead on"
     ways = [f"`pose_topic` {t.name} moves them with the craft" for t in source.topics() if t.poses]
-    if root == frame and body and world_above(tree, body):
+    beside = [] if tree.moves(frame) else _moving_beside(tree, frame)
+    if beside:
+        tell += f", {', '.join(map(repr, beside[:3]))} below; `frame` takes one that stands still"
+    elif root == frame and body and world_above(tree, body):
         # As in a part of a split recording, whose static transforms are in the first.
         ways.append(
             f"`extrinsic` hangs it below {body!r}, as does the recording that holds /tf_static"

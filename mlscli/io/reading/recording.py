@@ -260,7 +260,9 @@ class Recording:
         if tally.points_read == sum(tally.dropped.values()) and not self._is_part:
             by_header = "time_source" not in self.options
             ended = Pass(self._messages, self._is_timeless, self._selection.by_time, by_header)
-            raise InputError(why_empty(self.sources, tally, self.losses, ended))
+            # What clouds contradict themselves in may be why nothing of them is left.
+            doubts = [note for source in self._sources for note in source.notes]
+            raise InputError(why_empty(self.sources, tally, [*self.losses, *doubts], ended))
 
     @property
     def _is_part(self) -> bool:

@@ -13,6 +13,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from mlscli.io.containers.container import Channel
+from mlscli.io.containers.messagetypes import ros2_name
 from mlscli.io.messages.definitions import smallest_size, typestore_of
 from tests.helpers.ros import STORES
 
@@ -143,6 +144,25 @@ def test_strings_of_wide_characters_are_named() -> None:
 def test_a_schema_of_another_kind_is_named(schema_encoding: str) -> None:
     with pytest.raises(ValueError, match=f"written in '{schema_encoding}', expected ros1msg"):
         typestore_of(channel("uint8 x\n", schema_encoding))
+
+
+@pytest.mark.parametrize("module", ["", "dds_"])
+def test_clouds_that_recorders_of_dds_wrote_are_read(module: str) -> None:
+    name = ros2_name(
+        f"sensor_msgs::msg::{module}::PointCloud2_" if module else "sensor_msgs::msg::PointCloud2"
+    )
+    own = "struct {} {{ unsigned long height; sequence<octet> data; }};"
+    inner = own.format("PointCloud2_" if module else "PointCloud2")
+    inner = f"module {module} {{ {inner} }};" if module else inner
+    idl = f"module sensor_msgs {{ module msg {{ {inner} }}; }};\n"
+
+    types = typestore_of(Channel("/t", name, "cdr", idl.encode(), "omgidl", None)).fielddefs
+
+    assert name == "sensor_msgs/msg/PointCloud2"
+    fields = [field for field, _ in types[name][1]]
+    # Names of DDS stand for the type of ROS; others say themselves what they are.
+    assert ("point_step" in fields) == bool(module)
+    assert {"height", "data"} <= set(fields)
 
 
 def test_definitions_with_line_ends_of_windows_are_read() -> None:

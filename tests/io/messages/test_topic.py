@@ -163,6 +163,22 @@ def test_with_several_cloud_topics_the_error_lists_them(
     assert len(list(open_source(bag, Reading(topic="right")).clouds())) == 4
 
 
+@pytest.mark.parametrize("topic", [None, "/cloud"])
+def test_of_two_types_on_one_topic_that_with_most_messages_is_taken(
+    tmp_path: Path, topic: str | None
+) -> None:
+    points = [dict(zip("xyz", (k, 0.0, 0.0), strict=True)) for k in range(3)]
+    few = Told("/cloud", POINT_CLOUD, {"points": points[:1]})
+    many = Told("/cloud", "geometry_msgs/msg/PoseArray", {"poses": [{"position": points[2]}]})
+    source = open_source(write_told(tmp_path / "a.bag", [few, many, many]), Reading(topic=topic))
+
+    assert points_of(list(source.clouds())) == [[[2.0, 0.0, 0.0]]] * 2
+    (note,) = source.notes
+    assert note.endswith(
+        "/cloud holds messages of other types, not taken: sensor_msgs/msg/PointCloud x 1"
+    )
+
+
 def test_a_topic_that_is_not_there_lists_those_that_are(
     tmp_path: Path, messages: list[Sent]
 ) -> None:

@@ -45,7 +45,6 @@ def test_bounds_that_say_nothing_are_not_doubted(count: int, low: float, high: f
         (-STEP, "angle_increment turns away from angle_max; the increment counts"),
         (0.99 * STEP, "do not lead from angle_min to angle_max; the increment counts"),
         (1.01 * STEP, "do not lead from angle_min to angle_max; the increment counts"),
-        (0.0, "do not lead from angle_min to angle_max; the increment counts"),
     ],
 )
 def test_an_increment_that_contradicts_the_bounds_counts_and_is_told(
@@ -56,6 +55,24 @@ def test_an_increment_that_contradicts_the_bounds_counts_and_is_told(
     assert words in found.note
     assert found.value is not None
     assert found.value.tolist() == [-math.pi + k * increment for k in range(720)]
+
+
+@pytest.mark.parametrize("increment", [0.0, math.nan, math.inf])
+def test_without_an_increment_beams_are_spread_between_the_bounds(increment: float) -> None:
+    found = angles_of(7, -3.0, 3.0, increment)
+
+    assert "the beams are spread from angle_min to angle_max" in found.note
+    assert found.value is not None
+    assert found.value.tolist() == [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 0.0), (0.0, math.nan), (-math.inf, 1.0)])
+def test_beams_that_nothing_spreads_are_refused(low: float, high: float) -> None:
+    found = angles_of(7, low, high, 0.0)
+
+    assert found.refusal == "angle_increment is 0, and no bounds tell where beams point"
+    # One beam needs no increment.
+    assert angles_of(1, low, high, 0.0).value is not None
 
 
 @pytest.mark.parametrize(("low", "step", "count"), [(-135.0, 0.5, 541), (360.0, -1.0, 361)])

@@ -112,3 +112,29 @@ def test_an_upper_bound_may_be_infinite() -> None:
 
     assert beams(found).tolist() == [True, False, True, True, True]
     assert not found.note
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "scale", "words"),
+    [
+        (8.0, 40.0, 1.0, "are below range_min, 8, and dropped"),
+        (0.1, 12.0, 1000.0, "are beyond range_max, 12, and dropped"),
+    ],
+)
+def test_bounds_that_most_ranges_contradict_are_told(
+    low: float, high: float, scale: float, words: str
+) -> None:
+    ranges = scale * wall(3.0)
+    ranges[:50] = 9.0
+    found = measured(ranges, low, high)
+
+    assert words in found.note
+    assert np.flatnonzero(beams(found)).tolist() == list(range(50))
+
+
+@pytest.mark.parametrize("nothing", [0.0, 0.01, 65.533, math.inf])
+def test_what_a_driver_writes_for_nothing_hit_contradicts_no_bound(nothing: float) -> None:
+    ranges = wall(5.0)
+    ranges[:600] = nothing
+
+    assert not measured(ranges, 0.1, 30.0).note

@@ -33,6 +33,7 @@ from tests.helpers.craft import (
     moved,
     moving,
     opened,
+    rotation,
     transform,
 )
 from tests.helpers.ros import vector
@@ -111,6 +112,34 @@ def test_a_root_that_all_hangs_below_unmoved_is_a_part_of_the_craft(tmp_path: Pa
     assert_near(
         clouds_of(open_recording(tmp_path / "flight", frame="mast")), [moved(matrix(MOUNT))]
     )
+
+
+def told_the_other_way(child: str) -> list[Told]:
+    """Return the poses of the craft as transforms of the world below it."""
+    way = []
+    for seconds, pose in ((0, FIRST), (4, SECOND_POSE)):
+        back = rotation(pose).inv()
+        x, y, z = back.apply(np.negative(pose[0])).tolist()
+        angles = tuple(back.as_euler("xyz", degrees=True).tolist())
+        way.append(transform(seconds, "base_link", child, ((x, y, z), angles)))
+    return way
+
+
+@pytest.mark.parametrize("sensor", ["base_link", "lidar"])
+def test_a_world_told_below_the_craft_is_the_map_all_the_same(tmp_path: Path, sensor: str) -> None:
+    mount = [transform(0, "base_link", "lidar", MOUNT, stays=True)] if sensor == "lidar" else []
+    recording = opened(tmp_path, [*told_the_other_way("odom"), *mount, cloud(4, sensor)])
+
+    assert recording.frame_id == "odom"
+    there = [matrix(SECOND_POSE)] + ([matrix(MOUNT)] if mount else [])
+    assert_near(clouds_of(recording), [moved(*there)])
+
+
+def test_what_moves_below_the_craft_without_the_name_of_a_world_is_offered(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'tag_0' below; `frame` takes one that stands still"):
+        opened(tmp_path, [*told_the_other_way("tag_0"), cloud(0, "base_link")])
+    told = open_recording(tmp_path / "flight", frame="tag_0")
+    assert_near(clouds_of(told), [moved(matrix(FIRST))])
 
 
 def test_clouds_in_a_world_frame_stay_while_the_craft_moves_in_another(tmp_path: Path) -> None:
