@@ -15,7 +15,7 @@ import numpy as np
 
 from mlscli.errors import InputError, UsageError
 from mlscli.geometry.poses import Poses, PoseTrack, unit
-from mlscli.geometry.transforms import TransformTree, bare
+from mlscli.geometry.transforms import Link, TransformTree, bare
 from mlscli.io.plausibility.epochs import Epochs, told
 from mlscli.io.plausibility.publishers import of_one_body
 from mlscli.io.reading.history import History, Moment
@@ -317,10 +317,20 @@ def world_above(tree: TransformTree, frame: str) -> str | None:
 
 
 def _moving_beside(tree: TransformTree, frame: str) -> list[str]:
-    """Return the frames that move below the root of a frame that does not."""
-    root = tree.ancestors(frame)[-1]
-    others = (other for other in tree.frames if other not in (root, frame))
-    return [each for each in others if root in _above(tree, each) and tree.moves(each)]
+    """Return the frames that move below the root of a frame that does not, by name."""
+    below: dict[str, list[Link]] = {}
+    for link in tree.links:
+        below.setdefault(link.parent, []).append(link)
+    # Downwards, each frame once: to climb from each would cost the square of a long chain.
+    moving = {tree.ancestors(frame)[-1]: False}
+    waiting = list(moving)
+    while waiting:
+        parent = waiting.pop()
+        for link in below.get(parent, ()):
+            if link.child not in moving:
+                moving[link.child] = moving[parent] or link.moves
+                waiting.append(link.child)
+    return sorted(child for child, moves in moving.items() if moves and child != frame)
 
 
 def why_not_mapped(source: Source, tree: TransformTree | None = None) -> list[str]:
