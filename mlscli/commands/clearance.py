@@ -115,6 +115,11 @@ def command(
         tell(report.lines(_rows(told, surface.cell_size)))
         if surface.free is None:
             tell(NOT_KEPT)
+        elif told["thin"]:
+            tell(
+                f"the craft is thinner than two cells, {2 * surface.cell_size:.3g}: a bare sheet or "
+                "pane may stand in its way unnoticed; smaller cells would show it"
+            )
     return {FITS: 0, BLOCKED: DOES_NOT_FIT}.get(found.overall, NOT_KNOWN)
 
 
@@ -177,6 +182,7 @@ def _told(surface: SurfaceMap, found: Clearance, least: int) -> dict[str, Any]:
         "length": float(found.pieces.along[-1]),
         "lengths": lengths,
         "free_space": surface.free is not None,
+        "thin": min(found.width, found.height) < 2 * surface.cell_size,
         "reach": found.reach,
         "stretches": stretches,
         "narrowest": _narrowest(surface, found, least),

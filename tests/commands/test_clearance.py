@@ -106,6 +106,16 @@ def test_a_map_without_free_space_never_fits_and_says_why(tmp_path: Path) -> Non
     assert "build it with --free-space" in done.stdout
 
 
+@pytest.mark.parametrize(("craft", "thin"), [("0.9,1", True), ("1,0.9", True), ("1,1", False)])
+def test_a_craft_thinner_than_two_cells_is_told_what_it_could_miss(
+    craft: str, thin: bool, tmp_path: Path
+) -> None:
+    deck(tmp_path)
+    asked = "clearance", "deck.npz", "--craft", craft, "--line", OPEN
+    assert ("thinner than two cells, 1: " in mls(*asked, cwd=tmp_path).stdout) == thin
+    assert json.loads(mls(*asked, "--json", cwd=tmp_path).stdout)["thin"] == thin
+
+
 def test_the_route_is_flown_where_it_is_known(tmp_path: Path) -> None:
     route = [[0.0, -3, 0, 1.5], [1, np.nan, np.nan, np.nan], [2, 1, 0, 1.5], [3, 3, 0, 1.5]]
     deck(tmp_path, route=[*route, *[[4 + n, np.nan, np.nan, np.nan] for n in range(3)]])
