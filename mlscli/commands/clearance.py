@@ -117,8 +117,8 @@ def command(
             tell(NOT_KEPT)
         elif told["thin"]:
             tell(
-                f"the craft is thinner than two cells, {2 * surface.cell_size:.3g}: a bare sheet or "
-                "pane may stand in its way unnoticed; smaller cells would show it"
+                f"the craft is thinner than two cells, {2 * surface.cell_size:.3g}: a bare sheet "
+                "or pane may stand in its way unnoticed; smaller cells would show it"
             )
     return {FITS: 0, BLOCKED: DOES_NOT_FIT}.get(found.overall, NOT_KNOWN)
 
