@@ -27,6 +27,7 @@ from mlscli.config.yaml_nodes import (
 )
 from mlscli.errors import ConfigError, InputError, nearest, shorten
 from mlscli.io.files import open_input
+from mlscli.scenes.presets import SCENE_PRESETS
 from mlscli.scenes.surfaces import Leg, Rectangle, Scatter, Scene, add_horizontal, add_vertical
 
 MAX_SCENE_BYTES = 50_000_000
@@ -140,6 +141,8 @@ def _text_of(path: str | os.PathLike[str], argument: str) -> str:
             data = stream.read(MAX_SCENE_BYTES + 1)
     except FileNotFoundError:
         what = f"`{argument}` takes {_TAKES[argument]} in YAML"
+        if argument == "scene" and any(preset.name == source.name for preset in SCENE_PRESETS):
+            what += f"; `type` {source.name} is one that there is"
         raise InputError(f"{source}: no such file; {what}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error

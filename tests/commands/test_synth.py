@@ -295,6 +295,7 @@ def test_options_reach_the_flight_over_a_scan() -> None:
         ((*TABLE, "--sensor-frame"), "--sensor-frame: table.flight.txt is text"),
         ((*TABLE, "--range", "0.01", "--no-survey"), "fly a --survey over it"),
         ((*TABLE, "--legs", "no.yaml"), "no.yaml: no such file; --legs takes a route"),
+        (("--scene", "house"), "--scene takes a scene in YAML; --type house is one that there is"),
         ((*TABLE, "-o", "table.txt", "--overwrite"), "table.txt: is the source itself"),
         ((*TABLE, "-o", ".", "--overwrite"), ".: holds the source table.txt"),
         ((*TABLE, "--holes", "0.5,1"), "--holes 0.5,1"),
