@@ -142,7 +142,7 @@ def _text_of(path: str | os.PathLike[str], argument: str) -> str:
     except FileNotFoundError:
         what = f"`{argument}` takes {_TAKES[argument]} in YAML"
         if argument == "scene" and any(preset.name == source.name for preset in SCENE_PRESETS):
-            what += f"; `type` {source.name} is one that there is"
+            what += f"; `type_` {source.name} is one that there is"
         raise InputError(f"{source}: no such file; {what}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
