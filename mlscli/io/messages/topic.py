@@ -12,8 +12,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mlscli.errors import InputError, UsageError
+from mlscli.errors import UsageError
 from mlscli.io.containers.container import Container, Message
+from mlscli.io.messages.choice import NO_TYPE, beside, choose, same
 from mlscli.io.messages.decoding import Deserializer, MalformedMessageError
 from mlscli.io.messages.poses import POSE_TYPES, TRANSFORM_TYPES, PoseRow, stamped
 from mlscli.io.messages.registry import CLOUD_TYPES, MAPPABLE, CloudPart, MalformedCloudError
@@ -26,9 +27,6 @@ _Read: TypeAlias = tuple[str, float, list[PoseRow]]
 
 _TOGETHER = 4096
 """So many poses are made into arrays together."""
-
-_NO_TYPE = "no type"
-"""What stands for the type of a channel without a schema."""
 
 
 class TopicSource:
@@ -54,7 +52,7 @@ class TopicSource:
         self._came = self._lost = 0
         self._first_fault = ""
         self._lost_beside: dict[str, None] = {}
-        self._beside = ""
+        self._beside: Sequence[str] = ()
         self._refused: Counter[str] = Counter()
         self._skipped = 0
         self._doubts: Counter[str] = Counter()
@@ -110,7 +108,7 @@ class TopicSource:
     @property
     def notes(self) -> Sequence[str]:
         """What the user should know about how it is read."""
-        notes = [*self._container.notes, *filter(None, [self._beside])]
+        notes = [*self._container.notes, *self._beside]
         if self._skipped:
             notes.append(f"{self.label}: {some(self._skipped, 'marker')} of kinds without points")
         notes += [
@@ -273,7 +271,7 @@ class TopicSource:
         UsageError
             The type of the topic's messages holds no poses.
         """
-        named = [c for c in self._container.channels if _same(c.topic, topic)]
+        named = [c for c in self._container.channels if same(c.topic, topic)]
         if named and not any(channel.type in POSE_TYPES for channel in named):
             raise UsageError(
                 f"{self.path}: `pose_topic` {topic}: {named[0].type} tells no poses; can be used: "
@@ -288,7 +286,7 @@ class TopicSource:
         names = {
             channel.topic
             for channel in self._container.channels
-            if channel.type in types and (topic is None or _same(channel.topic, topic))
+            if channel.type in types and (topic is None or same(channel.topic, topic))
         }
         if names:
             messages = self._container.messages(names)
@@ -345,54 +343,11 @@ class TopicSource:
 
     @cached_property
     def _topic(self) -> Topic:
-        """The topic of the clouds: the one asked for, or the only one."""
-        if self._asked is not None:
-            return self._named(self._asked)
-        mappable = [topic for topic in self._topics if topic.mappable]
-        if not mappable:
-            unread = [topic for topic in self._topics if topic.type in CLOUD_TYPES]
-            if unread:
-                reasons = "; ".join(f"{topic.name}: {topic.why_not}" for topic in unread[:3])
-                more = f"; and {len(unread) - 3:,} more" if len(unread) > 3 else ""
-                raise InputError(
-                    f"{self.path}: holds no clouds that can be read: {reasons}{more}"
-                    f"{self._damage()}"
-                )
-            raise InputError(
-                f"{self.path}: holds no clouds, found {_listed(self._topics)}; can be mapped: "
-                f"{MAPPABLE}{self._damage()}"
-            )
-        if len({topic.name for topic in mappable}) > 1:
-            raise UsageError(
-                f"{self.path}: holds {len(mappable)} topics with clouds, of which `topic` picks "
-                f"one: {_listed(mappable)}"
-            )
-        return self._fullest(mappable)
-
-    def _fullest(self, named: Sequence[Topic]) -> Topic:
-        """Return of the types of one topic that with most messages, and note the others."""
-        most = max(named, key=lambda topic: topic.count or 0)
-        others = [topic for topic in named if topic is not most and topic.count != 0]
-        if others:
-            self._beside = f"{self.path}: {most.name} holds messages of other types, not taken: "
-            self._beside += ", ".join(f"{other.type}{_times(other.count)}" for other in others)
-        return most
-
-    def _named(self, name: str) -> Topic:
-        named = [topic for topic in self._topics if _same(topic.name, name)]
-        if not named:
-            raise UsageError(
-                f"{self.path}: `topic` {name}: no such topic, found {_listed(self._topics)}"
-                f"{self._damage()}"
-            )
-        mappable = [topic for topic in named if topic.mappable]
-        if not mappable:
-            raise UsageError(f"{self.path}: `topic` {name}: {named[0].why_not}")
-        return self._fullest(mappable)
-
-    def _damage(self) -> str:
-        """Return the losses of the container, a possible reason why a topic is missing."""
-        return "".join(f"; {loss}" for loss in self._container.losses)
+        """The topic of the clouds."""
+        damage = "".join(f"; {loss}" for loss in self._container.losses)
+        chosen = choose(self.path, self._topics, self._asked, damage)
+        self._beside = beside(self.path, chosen, self._topics)
+        return chosen
 
     def _describe(self) -> list[Topic]:
         """Return all topics; the frame of clouds is that of their first message."""
@@ -408,7 +363,7 @@ class TopicSource:
             count = None if None in parts else sum(filter(None, parts))
             why_not, frame = faults.get((name, type_), ""), ""
             if type_ not in CLOUD_TYPES:
-                why_not = f"{type_ or _NO_TYPE} cannot be mapped; can be mapped: {MAPPABLE}"
+                why_not = f"{type_ or NO_TYPE} cannot be mapped; can be mapped: {MAPPABLE}"
             elif not why_not:
                 first = next(self._messages((type_,), name), None)
                 if first is None:
@@ -439,18 +394,3 @@ def _doubts(parts: Sequence[CloudPart]) -> list[str]:
 def _logged(message: Message) -> float:
     """Return when a message was recorded, in seconds."""
     return message.log_time / NANOSECONDS
-
-
-def _same(name: str, other: str) -> bool:
-    return name.strip("/") == other.strip("/")
-
-
-def _listed(topics: Sequence[Topic]) -> str:
-    return (
-        ", ".join(f"{t.name} ({t.type or _NO_TYPE}{_times(t.count)})" for t in topics)
-        or "no topics"
-    )
-
-
-def _times(count: int | None) -> str:
-    return "" if count is None else f" x {count}"

@@ -11,7 +11,6 @@ import io
 import math
 import struct
 from pathlib import Path
-from typing import Any
 
 import laspy
 import lazrs
@@ -21,42 +20,8 @@ import pytest
 from mlscli.errors import InputError
 from mlscli.io import unpacking
 from mlscli.io.clouds.las import LasCloud
-from mlscli.runtime.arrays import Float64
 from tests.helpers.damage import cut, flipped, read_damaged
-
-OFFSET = (572273.0, 4498560.0, -100.0)
-
-
-def write(path: Path, count: int = 1000, point_format: int = 3, **dimensions: Any) -> Path:
-    """Write points of UTM coordinates, to the millimetre."""
-    version = "1.2" if point_format < 4 else "1.3" if point_format < 6 else "1.4"
-    header = laspy.LasHeader(point_format=point_format, version=version)
-    header.scales, header.offsets = np.full(3, 0.001), np.array(OFFSET)
-    las = laspy.LasData(header)
-    rng = np.random.default_rng(1)
-    las.X, las.Y, las.Z = (rng.integers(-(10**6), 10**6, count) for _ in "xyz")
-    for name, values in dimensions.items():
-        if name not in las.point_format.dimension_names:
-            las.add_extra_dim(laspy.ExtraBytesParams(name, np.asarray(values).dtype))
-        las[name] = values
-    las.write(path)
-    return path
-
-
-def parsed(path: Path) -> Float64:
-    """Return the points of an uncompressed file by the format's description."""
-    content = path.read_bytes()
-    begin, _, _, size, legacy = struct.unpack_from("<IIBHI", content, 96)
-    scale, offset = struct.unpack_from("<3d", content, 131), struct.unpack_from("<3d", content, 155)
-    count = struct.unpack_from("<Q", content, 247)[0] if content[25] == 4 else legacy
-    rows = [struct.unpack_from("<3i", content, begin + size * k) for k in range(count)]
-    points: Float64 = np.array(rows) * scale + offset
-    return points
-
-
-def read(path: Path) -> tuple[list[Any], list[str]]:
-    source = LasCloud(path)
-    return [cloud.points.tolist() for cloud in source.clouds()], list(source.losses)
+from tests.helpers.las import parsed, read, write
 
 
 @pytest.mark.parametrize("point_format", range(11))
@@ -339,89 +304,6 @@ def test_a_panic_of_the_decompressor_is_a_loss_and_prints_nothing(
     assert not any(keyframes)
     assert "LazItem" in losses[0]
     assert capfd.readouterr().err == ""
-
-
-@pytest.mark.parametrize(("name", "point_format"), [("a.las", 3), ("a.las", 7), ("a.laz", 7)])
-@pytest.mark.parametrize("declared", [0, 20])
-def test_points_beyond_those_declared_are_taken(
-    tmp_path: Path, name: str, point_format: int, declared: int
-) -> None:
-    expected = parsed(write(tmp_path / "b.las", 36, point_format)).tolist()
-    content = bytearray(write(tmp_path / name, 36, point_format).read_bytes())
-    struct.pack_into("<I", content, 107, declared)
-    if point_format > 5:
-        struct.pack_into("<Q", content, 247, declared)
-    (tmp_path / name).write_bytes(content)
-
-    assert read(tmp_path / name) == ([expected], [])
-    (note,) = LasCloud(tmp_path / name).notes
-    assert f"its header declares {declared} points, and there are 36" in note
-
-
-@pytest.mark.parametrize("declared", [0, 20])
-def test_of_chained_points_beyond_those_declared_the_sure_ones_are_taken(
-    tmp_path: Path, declared: int
-) -> None:
-    expected = parsed(write(tmp_path / "b.las", 90)).tolist()
-    content = bytearray(write(tmp_path / "a.laz", 90).read_bytes())
-    struct.pack_into("<I", content, 107, declared)
-    (tmp_path / "a.laz").write_bytes(content)
-
-    (points,), losses = read(tmp_path / "a.laz")
-
-    assert points == expected[: len(points)]
-    assert 85 <= len(points) < 90
-    assert f"more points follow than the {declared} that its header declares" in losses[0]
-
-
-def test_chained_points_beyond_those_declared_stay_within_the_bounds(tmp_path: Path) -> None:
-    first = parsed(write(tmp_path / "b.las", 90))[:20]
-    content = bytearray(write(tmp_path / "a.laz", 90).read_bytes())
-    struct.pack_into("<I", content, 107, 20)
-    # Others lie outside the bounds of these.
-    struct.pack_into("<6d", content, 179, *np.stack([first.max(0), first.min(0)], axis=1).ravel())
-    (tmp_path / "a.laz").write_bytes(content)
-
-    (points,), losses = read(tmp_path / "a.laz")
-
-    assert len(points) == 20
-    assert "the last ones are left out" in losses[0]
-
-
-@pytest.mark.parametrize("records", [False, True])
-@pytest.mark.parametrize(("name", "point_format"), [("a.las", 3), ("a.las", 7), ("a.laz", 3)])
-def test_a_file_joined_to_another_is_a_loss(
-    tmp_path: Path, name: str, point_format: int, records: bool
-) -> None:
-    las = laspy.read(write(tmp_path / name, 36, point_format))
-    if records:
-        las.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("LASF_Spec", 7, "", b"LASF")])
-    path = tmp_path / name
-    las.write(path)
-    (whole,), _ = read(path)
-    content = path.read_bytes()
-    path.write_bytes(content + content)
-
-    (points,), losses = read(path)
-
-    assert points == whole
-    (loss,) = losses
-    assert f"another LAS file, joined to it at byte {len(content):,}, is left out" in loss
-
-
-@pytest.mark.parametrize("name", ["a.las", "a.laz"])
-@pytest.mark.parametrize("records", [4, 2**32 - 1])
-def test_more_records_than_fit_before_the_points_are_told(
-    tmp_path: Path, name: str, records: int
-) -> None:
-    expected = parsed(write(tmp_path / "b.las", 300)).tolist()
-    content = bytearray(write(tmp_path / name, 300).read_bytes())
-    struct.pack_into("<I", content, 100, records)
-    (tmp_path / name).write_bytes(content)
-
-    assert read(tmp_path / name) == ([expected], [])
-    (note,) = LasCloud(tmp_path / name).notes
-    assert f"declares {records:,} variable length records, of which {int(name == 'a.laz')}" in note
 
 
 def test_a_point_far_outside_the_bounds_is_damaged(tmp_path: Path) -> None:
