@@ -26,11 +26,12 @@ from tests.helpers.broken import Sent as SentBytes
 from tests.helpers.broken import write_mcap
 from tests.helpers.examples import EXAMPLES, LINES, POINTS
 from tests.helpers.foxglove import message
+from tests.helpers.las import write as write_las
 from tests.helpers.maps import Patch, map_of, random_map
 from tests.helpers.pcds import packed, pcd
 from tests.helpers.plys import ply
 from tests.helpers.ros import vector
-from tests.io.clouds import test_colmap, test_las, test_opensfm
+from tests.io.clouds import test_colmap, test_opensfm
 from tests.io.clouds.test_trajectory import FORMATS as TRAJECTORIES
 from tests.io.clouds.test_trajectory import UNTIMED
 from tests.io.messages.test_hostile_messages import FOXGLOVE
@@ -195,7 +196,7 @@ def _pcds() -> list[bytes]:
 
 def _las(folder: Path) -> Iterator[Path]:
     for name, version in (("a.las", 1), ("b.las", 6), ("a.laz", 3), ("b.laz", 7)):
-        yield test_las.write(_new(folder) / name, 60, version)
+        yield write_las(_new(folder) / name, 60, version)
 
 
 def _colmap(folder: Path) -> Iterator[Path]:

@@ -31,7 +31,7 @@ from mlscli.io.clouds.laz import (
 from mlscli.io.clouds.pointfile import Content, PointFile, by_keyframe, counted
 from mlscli.io.clouds.structures import bytes_of
 from mlscli.io.files import open_input
-from mlscli.io.plausibility.boxes import within_bounds
+from mlscli.io.plausibility.boxes import overflowed, within_bounds
 from mlscli.io.plausibility.finding import Finding, right
 from mlscli.io.source import keyframe_field, side_by_side
 from mlscli.io.unpacking import excess, most_unpacked
@@ -99,16 +99,10 @@ class LasCloud(PointFile):
         if withheld:
             left = some(withheld, "point")
             notes.append(f"{self.path}: {left} {are(withheld)} flagged as withheld and left out")
-        found = _vouched(header, points, broken=bool(part.fault))
-        if found.value is not None:
-            doubtful = len(points) - int(found.value.sum())
-            kept = kept & found.value
-            if doubtful:
-                losses.append(
-                    f"{self.path}: {doubtful:,} of {some(declared, 'point')} "
-                    f"{are(doubtful)} damaged: some lie outside the bounds that the header states"
-                )
-        notes += [f"{self.path}: {found.note}"] if found.note else []
+        undamaged, note, faults = _undamaged(header, points, kept, broken=bool(part.fault))
+        losses += [f"{self.path}: {fault}" for fault in faults]
+        notes += [f"{self.path}: {note}"] if note else []
+        kept = kept & undamaged
         if joined is not None:
             losses.append(
                 f"{self.path}: another LAS file, joined to it at byte {joined:,}, is left out; "
@@ -281,6 +275,37 @@ def _vouched(header: laspy.LasHeader, points: Float64, *, broken: bool) -> Findi
     bad = np.unique(chunk[~found.value])
     # Layers state their sizes, so that a chunk does not depend on the one before.
     return right(~np.isin(chunk, bad) if is_layered(header) else chunk < bad[0])
+
+
+def _undamaged(
+    header: laspy.LasHeader, points: Float64, kept: Bool, *, broken: bool
+) -> tuple[Bool, str, list[str]]:
+    """Return which points are not damaged, as far as can be told, a note, and what is of others."""
+    found = _vouched(header, points, broken=broken)
+    sure = found.accepted(InputError)
+    faults, whole = [], some(len(points), "point")
+    if damaged := len(points) - int(sure.sum()):
+        faults.append(
+            f"{damaged:,} of {whole} {are(damaged)} damaged: some lie outside the bounds that the "
+            "header states"
+        )
+    if found.note or damaged or _reaches_ends(header):
+        full = overflowed(points, np.asarray(header.scales), np.asarray(header.offsets))
+        if count := int((full & kept & sure).sum()):
+            sure = sure & ~full
+            faults.append(
+                f"{count:,} of {whole} {are(count)} damaged: a coordinate is the last that 32 bits "
+                "hold, as it did not fit into the scale and the offset of the header"
+            )
+    return sure, found.note, faults
+
+
+def _reaches_ends(header: laspy.LasHeader) -> bool:
+    """Return whether the bounds say of no axis that its numbers stay within those of 32 bits."""
+    scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
+    with np.errstate(over="ignore"):
+        ends = np.sort([end * scales + offsets for end in (-(2.0**31), 2.0**31 - 1)], axis=0)
+    return not ((ends[0] < header.mins) & (header.maxs < ends[1])).all()
 
 
 def _fitting_records(data: UInt8, begin: int, end: int, declared: int) -> int:

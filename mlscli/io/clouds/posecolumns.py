@@ -179,15 +179,28 @@ def are_blocks_of_matrices(opening: Opening) -> bool:
 
 def columns_of_positions(opening: Opening) -> str:
     """Return the option `columns` that reads the positions of poses; empty where none can."""
-    named = by_names(opening)
-    found = named or by_numbers(opening.rows, opening.width, opening.dialect.separator)
+    found = _found(opening)
     if found is None:
-        return ""
+        # What follows the name of an image is where it was taken.
+        columns = enumerate(zip(*opening.rows[:_FIRST_ROWS], strict=False))
+        image = next((place for place, words in columns if _are_images(words)), opening.width)
+        beyond = image + len(POSITION) < opening.width
+        return ",".join(["-"] * (image + 1) + [*POSITION]) if beyond else ""
     places = found.layout.places
     axes = {place: axis for axis, place in places.items() if axis in POSITION}
     # The last column of a matrix.
     axes = axes or {places[f"m{row}3"]: axis for row, axis in enumerate(POSITION)}
     return ",".join(axes.get(place, "-") for place in range(max(axes) + 1))
+
+
+def are_places_of_images(opening: Opening) -> bool:
+    """Return whether poses are no more than where images were taken, in no known columns."""
+    is_graph = bool(opening.rows) and opening.rows[0][0] in (*GRAPH, *_EDGES)
+    return not is_graph and not are_blocks_of_matrices(opening) and _found(opening) is None
+
+
+def _found(opening: Opening) -> PoseColumns | None:
+    return by_names(opening) or by_numbers(opening.rows, opening.width, opening.dialect.separator)
 
 
 def stamps_of(values: Float64, places: Mapping[str, int]) -> Float64:

@@ -28,7 +28,11 @@ from mlscli.io.clouds.dialect import open_text
 from mlscli.io.clouds.layouts import layout_of, unused_note
 from mlscli.io.clouds.opening import read_opening
 from mlscli.io.clouds.pointfile import Content, PointFile, shortfall
-from mlscli.io.clouds.posecolumns import are_poses_of_a_craft, columns_of_positions
+from mlscli.io.clouds.posecolumns import (
+    are_places_of_images,
+    are_poses_of_a_craft,
+    columns_of_positions,
+)
 from mlscli.io.clouds.rows import LONGEST_ROW, BrokenRowError, Rows, blocks, parse, short
 from mlscli.io.plausibility.clocks import in_seconds
 from mlscli.io.plausibility.counts import more_than
@@ -308,6 +312,11 @@ class _Parser:
         if are_poses_of_a_craft(self.opening):
             columns = columns_of_positions(self.opening)
             other = f", or `columns` {columns} to take it for points all the same"
+            if columns and are_places_of_images(self.opening):
+                raise InputError(
+                    f"{self.path}: holds no cloud but where images were taken; name the cloud"
+                    f"{other}"
+                )
             raise InputError(
                 f"{self.path}: holds no cloud but a trajectory; name the cloud, and this file "
                 f"after `route`{other if columns else ''}"

@@ -138,9 +138,10 @@ class Packed(NamedTuple):
         by_case = {name.lower(): name for name in reversed(list(self.fields))}
         absent = [name for name in "xyz" if name not in by_case]
         if absent:
+            if not self.fields:
+                raise MalformedCloudError("it has no fields, expected x, y and z")
             raise MalformedCloudError(
-                f"no field {', '.join(absent)}, expected x, y and z beside "
-                f"{', '.join(self.fields) or 'none'}"
+                f"no field {', '.join(absent)}, expected x, y and z beside {', '.join(self.fields)}"
             )
         return [by_case[name] for name in "xyz"]
 

@@ -377,8 +377,9 @@ class TopicSource:
     def _first_frame(self, first: Message) -> str:
         try:
             parts = self._decode(first)
-        except (MalformedMessageError, MalformedCloudError):
-            # What is wrong with the message is reported when it is read.
+        except (MalformedMessageError, MalformedCloudError) as error:
+            # It is reported when all are read; others may be right.
+            self._first_doubts[first.channel.topic] = [f"nothing can be read: {error}"]
             return self._deserializer.frame(first)
         self._first_doubts[first.channel.topic] = _doubts(parts)
         if len(parts) != 1 or parts[0].keyframes is not None:

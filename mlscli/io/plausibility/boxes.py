@@ -76,6 +76,26 @@ def within_bounds(
     return right(np.asarray(near & written))
 
 
+def overflowed(points: Float64, scales: Float64, offsets: Float64) -> Bool:
+    """Return which points have a coordinate that did not fit when it was written.
+
+    Parameters
+    ----------
+    points : float64 (N, 3)
+        Whole numbers of 32 bits, scaled and moved.
+    scales, offsets : float64 (3,)
+
+    Returns
+    -------
+    bool (N,)
+        True where a coordinate is the least or the greatest number that 32 bits hold: writers
+        without room for a coordinate store these.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        ends = [np.asarray(float(end) * scales + offsets) for end in (-(2**31), 2**31 - 1)]
+    return np.asarray(((points == ends[0]) | (points == ends[1])).any(axis=1))
+
+
 @kernel
 def _all_within(points: Float64, low: Float64, high: Float64) -> bool:
     """Return whether all points (N, 3) lie within bounds (3,): a block at a time, without branches.

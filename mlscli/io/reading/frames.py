@@ -293,6 +293,7 @@ def map_frame(
                 raise InputError(
                     f"{source.label}: the clouds are in the frame {frame!r}, expected a world "
                     f"frame ({', '.join(WORLD_FRAMES)}); {_ways_out(source, frame, tree)}"
+                    + "".join(f"; {told}" for told in (*source.notes, *source.losses))
                 )
             return above
     return "map"
@@ -368,7 +369,7 @@ def _ways_out(source: Source, frame: str, tree: TransformTree) -> str:
     elif root == frame and body and world_above(tree, body):
         # As in a part of a split recording, whose static transforms are in the first.
         ways.append(
-            f"`extrinsic` hangs it below {body!r}, as does the recording that holds /tf_static"
+            f"`extrinsic` hangs it below {body!r}, as does a recording whose /tf_static holds it"
         )
     return "; ".join([tell, *ways[:3], f"where {root!r} stands still, `frame` {root} says so"])
 

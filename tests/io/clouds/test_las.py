@@ -334,6 +334,20 @@ def test_records_that_were_never_written_are_lost(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["a.las", "a.laz"])
+@pytest.mark.parametrize("end", [-(2**31), 2**31 - 1])
+def test_points_whose_coordinates_did_not_fit_when_they_were_written_are_lost(
+    tmp_path: Path, name: str, end: int
+) -> None:
+    north = np.random.default_rng(2).integers(1000, 10**6, 300)
+    north[100:] = end
+    expected = parsed(write(tmp_path / "b.las", 300, Y=north))[:100].tolist()
+    (points,), (loss,) = read(write(tmp_path / name, 300, Y=north))
+
+    assert points == expected
+    assert "200 of 300 points are damaged: a coordinate is the last that 32 bits hold" in loss
+
+
 @pytest.mark.parametrize("point_format", [3, 7])
 def test_of_damaged_compressed_points_hardly_any_is_mapped_that_was_not_there(
     tmp_path: Path, point_format: int

@@ -232,6 +232,13 @@ def test_cameras_of_photogrammetry_are_no_points(tmp_path: Path, content: str) -
         read(tmp_path, content)
 
 
+def test_of_places_of_images_in_no_known_columns_it_tells_what_reads_them(tmp_path: Path) -> None:
+    rows = "".join(f"{n} 000{n}.JPG {7e5 + n} {4e6 + n} 19{n}\n" for n in range(6))
+
+    with pytest.raises(InputError, match=r"where images were taken; .*`columns` -,-,x,y,z to take"):
+        read(tmp_path, "$ gps file\n$ id name x y z\n6\n" + rows)
+
+
 def test_what_stands_below_a_header_and_is_no_row_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no points; found '0\.5 m,1 m,2 m', expected numb"):
         read(tmp_path, "x,y,z\n0.5 m,1 m,2 m\n")

@@ -112,7 +112,7 @@ def test_a_cloud_without_points_is_empty(spelling: str) -> None:
         ({"point_stride": 0}, "24 bytes of data, expected a multiple of point_stride 0"),
         ({"point_stride": 16}, "24 bytes of data, expected a multiple of point_stride 16"),
         ({"point_stride": 8}, "field z ends at byte 12 of points that are 8 bytes apart"),
-        ({"fields": []}, "no field x, y, z, expected x, y and z beside none"),
+        ({"fields": []}, "it has no fields, expected x, y and z"),
     ],
 )
 def test_a_cloud_that_contradicts_itself_is_refused(

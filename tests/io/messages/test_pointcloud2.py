@@ -160,7 +160,7 @@ def test_a_single_row_needs_no_row_step() -> None:
         ({"height": 2, "width": 2, "row_step": 0}, "row_step 0"),
         ({"point_step": 8, "width": 3}, "field z ends at byte 12"),
         ({"fields": cloud().fields[:2]}, "no field z, expected x, y and z beside x, y"),
-        ({"fields": []}, "beside none"),
+        ({"fields": []}, "it has no fields, expected x, y and z"),
         (
             {"fields": [*cloud().fields[:2], SimpleNamespace(name="z", offset=8, datatype=9)]},
             "field z has datatype 9",

@@ -97,6 +97,14 @@ def test_the_map_is_the_topmost_of_the_world_frames(tmp_path: Path) -> None:
     assert_near(clouds_of(other), [moved(matrix(FIRST))])
 
 
+def test_a_transform_that_was_left_out_is_told_where_nothing_leads_on(tmp_path: Path) -> None:
+    mount = transform(0, "base_link", "lidar", MOUNT, stays=True)
+    mount.content["transforms"][0]["transform"]["rotation"] = vector(0, 0, 0, 0)
+
+    with pytest.raises(InputError, match=r"/tf_static: 1 pose left out, not finite or with a quat"):
+        opened(tmp_path, [*moving("odom"), mount, cloud(0, "lidar")])
+
+
 def test_a_root_below_which_something_moves_is_a_map(tmp_path: Path) -> None:
     recording = opened(tmp_path, [*moving("hall", "lidar"), cloud(0, "lidar")])
 
