@@ -13,7 +13,7 @@ from mlscli.commands import report
 from mlscli.commands.flying import craft_size
 from mlscli.commands.options import as_json, least_lines, overwrite, say, tell
 from mlscli.commands.piped import piped
-from mlscli.commands.query import NOT_KEPT
+from mlscli.commands.query import not_kept
 from mlscli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def command(
         tell(f"{Path(source).name}: {told['verdict']}")
         tell(report.lines(_rows(told, surface.cell_size)))
         if surface.free is None:
-            tell(NOT_KEPT)
+            tell(not_kept(surface))
         elif told["thin"]:
             tell(
                 f"the craft is thinner than two cells, {2 * surface.cell_size:.3g}: a bare sheet "

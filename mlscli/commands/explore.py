@@ -12,7 +12,7 @@ import click
 from mlscli.commands import report
 from mlscli.commands.flying import craft_size, seeing
 from mlscli.commands.options import as_json, least_lines, overwrite, say, tell
-from mlscli.commands.query import NOT_KEPT
+from mlscli.commands.query import not_kept
 from mlscli.commands.reading import Numbers
 from mlscli.errors import UsageError
 from mlscli.words import some
@@ -115,7 +115,7 @@ def command(
     for line in _lines(Path(source).name, found, surface.cell_size):
         tell(line)
     if surface.free is None:
-        tell(f"space that nobody looked into is not among it: {NOT_KEPT}")
+        tell(f"space that nobody looked into is not among it: {not_kept(surface)}")
     if len(found.regions) > found.tried:
         say(f"mls: {source}: views were tried for the {found.tried} largest regions only")
 
@@ -239,7 +239,8 @@ def _lines(name: str, found: Exploration, cell_size: float) -> list[str]:
         ),
     ]
     if not found.views:
-        return [*lines, "  no view would settle anything"]
+        far = f"that sees {number(camera.reach)} far; --range takes another"
+        return [*lines, f"  no view would settle anything, of a camera {far}"]
     rows = [_HEAD]
     for n, view in enumerate(found.views, 1):
         ground = number(view.ground) if math.isfinite(view.ground) else "-"

@@ -17,7 +17,17 @@ from mlscli.words import some
 if TYPE_CHECKING:
     from mlscli.maps.surface_map import SurfaceMap
 
-NOT_KEPT = "the map does not say what was seen through; build it with --free-space"
+
+def not_kept(surface: SurfaceMap) -> str:
+    """Return that a map does not say what was seen through, and what would help."""
+    import numpy as np
+
+    if np.isfinite(surface.route[:, 1:]).all(axis=1).any():
+        return "the map does not say what was seen through; build it with --free-space"
+    return (
+        "the map does not say what was seen through, nor where the craft was, from which that "
+        "would follow; build it of a recording with positions, or with --route, and --free-space"
+    )
 
 
 @click.command()
@@ -54,7 +64,7 @@ def command(source: str, places: tuple[str, ...], least: int, as_json: bool) -> 
         tell(f"{place} (cell {ix}, {iy})")
         tell(report.lines(_rows(result, surface.cell_size)))
     if surface.free is None:
-        tell(NOT_KEPT)
+        tell(not_kept(surface))
 
 
 def _numbers(place: str) -> list[float]:

@@ -103,7 +103,7 @@ def plot_above(
         figure, axes, beneath = drawing_place(axes, width + 1.9, length + 1.3)
     draw_above(axes, surface, shown, frame, paint)
     axes.set_title(title, fontsize=10, color=INK)
-    add_legend(beneath, _kinds(surface, shown, paint))
+    add_legend(beneath, _kinds(surface, shown, frame, paint))
     add_colourbar(figure, axes, paint)
     return figure
 
@@ -308,7 +308,7 @@ def add_legend(place: Figure | Axes, kinds: Sequence[Artist]) -> None:
         )
 
 
-def _kinds(surface: SurfaceMap, shown: Int64, paint: Paint) -> list[Artist]:
+def _kinds(surface: SurfaceMap, shown: Int64, frame: Frame, paint: Paint) -> list[Artist]:
     """Return examples of origins, route and dotted lines, as far as the picture has them."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -325,7 +325,9 @@ def _kinds(surface: SurfaceMap, shown: Int64, paint: Paint) -> list[Artist]:
         kinds.append(Patch(color=pale, label="plastered"))
     if ARTIFICIAL in origins and paint.by != "region":
         kinds.append(Patch(color=tuple(SOFT_RED / 255), label="artificial"))
-    if len(route_of(surface)):
+    west, east, south, north = frame.extent
+    x, y, _ = route_of(surface).T
+    if ((west <= x) & (x <= east) & (south <= y) & (y <= north)).any():
         kinds.append(Line2D([], [], color=as_colour(ROUTE_GREEN), linewidth=2, label="route"))
     if np.diff(surface.cells.start).max(initial=0) > 1:
         dots = Line2D([], [], color=INK, linewidth=1, linestyle=(0, (1, 1.2)))

@@ -28,7 +28,8 @@ class Camera(NamedTuple):
         The whole angle of the cone, in degrees, above 0, at most 180.
     range : float or None
         How far it sees, in the unit of the map; None: twice as far as from the route's highest
-        place down to the map's lowest.
+        place down to the map's lowest, and no less than it saw half of the measured patches from
+        where it first measured them.
     """
 
     field_of_view: float = 120.0
@@ -54,6 +55,8 @@ class Camera(NamedTuple):
         if far is None:
             known = surface.route[np.isfinite(surface.route[:, 1:]).all(axis=1), 3]
             far = 2 * float(known.max() - surface.low_end.min()) if len(known) * surface.size else 0
+            # Of cameras that look up or across, heights tell nothing.
+            far = max(far, _usual_distance(surface)) if len(known) else far
         if not surface.cell_size < far < math.inf:
             if self.range is None:
                 raise UsageError(
@@ -62,6 +65,20 @@ class Camera(NamedTuple):
                 )
             raise UsageError(f"`range` {far:g}: expected more than a cell, {surface.cell_size:g}")
         return Camera(float(angle), float(far))
+
+
+def _usual_distance(surface: SurfaceMap) -> float:
+    """Return the median distance of measured patches from where they were first measured."""
+    seen = surface.first_keyframe >= 0
+    if not seen.any():
+        return 0.0
+    size = surface.cell_size
+    columns = surface.ix[seen], surface.iy[seen]
+    places = np.column_stack([*((axis + 0.5) * size for axis in columns), surface.height[seen]])
+    crafts = surface.route[surface.first_keyframe[seen], 1:]
+    away = np.linalg.norm(places - crafts, axis=1)
+    away = away[np.isfinite(away)]
+    return float(np.median(away)) if len(away) else 0.0
 
 
 class Region(NamedTuple):

@@ -85,13 +85,14 @@ class _Compiling(event.Listener):
         why = self.not_kept
         if not folder():
             why = "no folder to keep them in can be written; NUMBA_CACHE_DIR names one"
-        for_all = f"(about {COMPILE_SECONDS} s for all)"
+        for_all = f"(about {COMPILE_SECONDS} s for those of all commands)"
         if why:
             notice(f"compiling kernels {for_all} in every run, for {why}")
         else:
             unlike = mismatch()
             those = f": those that came with the program are for {unlike}" if unlike else ""
-            notice(f"compiling kernels, once {for_all}{those}")
+            ahead = "; mls warmup compiles all" if not those else ""
+            notice(f"compiling kernels of this command, once {for_all}{ahead}{those}")
 
     def on_end(self, event: event.Event) -> None:
         if id(event.data["dispatcher"]) in self.kernels:

@@ -103,7 +103,7 @@ def test_a_map_without_free_space_never_fits_and_says_why(tmp_path: Path) -> Non
     done = mls("clearance", "deck.npz", "--craft", "1,1", "--line", OPEN, cwd=tmp_path)
     assert done.returncode == 4
     assert "deck.npz: never seen\n" in done.stdout
-    assert "build it with --free-space" in done.stdout
+    assert "with positions, or with --route, and --free-space" in done.stdout
 
 
 @pytest.mark.parametrize(("craft", "thin"), [("0.9,1", True), ("1,0.9", True), ("1,1", False)])

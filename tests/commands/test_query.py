@@ -23,9 +23,11 @@ DECK = [
 ]
 
 
-def deck(folder: Path, *, free: bool) -> SurfaceMap:
+def deck(folder: Path, *, free: bool, flown: bool = False) -> SurfaceMap:
     """Write a map; with free space from 0.25 to 2 under the deck, and a single line above it."""
     surface = map_of(DECK)
+    if flown:
+        surface = replace(surface, route=np.nan_to_num(surface.route))
     if free:
         voxels = [*range(1, 8), 20]
         surface = replace(
@@ -93,13 +95,22 @@ def test_the_json_holds_what_the_map_holds(tmp_path: Path) -> None:
     assert (wall["above_level"], wall["below_level"]) == (None, None)
 
 
-def test_without_free_space_all_between_levels_is_unknown(tmp_path: Path) -> None:
-    deck(tmp_path, free=False)
+@pytest.mark.parametrize(
+    ("flown", "way"),
+    [
+        (True, "; build it with --free-space\n"),
+        (False, "positions, or with --route, and --free-space\n"),
+    ],
+)
+def test_without_free_space_all_between_levels_is_unknown(
+    flown: bool, way: str, tmp_path: Path
+) -> None:
+    deck(tmp_path, free=False, flown=flown)
     done = mls("query", "deck.npz", "--at", "1.2,-0.3,1", "--at", "9,9", cwd=tmp_path)
     assert "0.000 to 3.000  unknown" in done.stdout
     assert "z 1             unknown, 1.000 above a level, 2.000 below one" in done.stdout
     assert "  nothing  no patch\n" in done.stdout
-    assert done.stdout.endswith("seen through; build it with --free-space\n")
+    assert done.stdout.endswith(way)
 
 
 def test_where_nothing_is_known_it_says_so(tmp_path: Path) -> None:

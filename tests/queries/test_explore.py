@@ -198,6 +198,13 @@ def test_regions_are_no_wider_than_a_look_and_small_ones_are_left_out() -> None:
     assert RED not in uncertain(map_of(far), 9.0).kind
 
 
+def test_a_camera_that_stood_low_sees_by_default_what_it_has_measured() -> None:
+    facade = map_of([Patch(20, iy, 9.0, 9.0, 0, 4) for iy in range(-9, 9)])
+    low = replace(facade, route=np.array([[0.0, 0.25, 0.25, 0.5]]))
+    far = Camera().settled(low).reach
+    assert 12 < far < 16
+
+
 def test_the_camera_sees_by_default_as_far_as_that_of_a_synthetic_flight() -> None:
     assert explore(yard(), 0.5, 0.5).camera == Camera(120.0, 12.0)
     with pytest.raises(UsageError, match=r"^`range`: say .*; the map does not tell how high the "):

@@ -52,7 +52,7 @@ def test_compiling_is_told_once_and_what_is_compiled_is_loaded(
 ) -> None:
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     said = compared(kept)
-    assert said.startswith("mls: compiling kernels, once (about ")
+    assert said.startswith("mls: compiling kernels of this command, once (about ")
     assert said.count("\n") == 1
     assert list(Path(kept["NUMBA_CACHE_DIR"]).rglob("*.kernel"))
     assert compared(kept) == ""

@@ -51,7 +51,8 @@ def why_empty(sources: Sequence[str], tally: Tally, lost: Sequence[str], ended: 
         clock = "log" if ended.by_header else "header"
         losses = (
             f"; the clouds begin at {tally.began:.3f} s, where transforms and poses do not reach; "
-            f"`time_source` {clock} takes other times, `frame` says which frame stands still"
+            f"`time_source` {clock} takes other times; if these do not reach either, `frame` says "
+            "which frame stands still"
             f"{losses}"
         )
     if ended.messages and not lost:
