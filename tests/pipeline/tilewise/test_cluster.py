@@ -43,6 +43,7 @@ from mlscli.pipeline.tilewise.blocks import PointBlocks
 from mlscli.pipeline.tilewise.cluster import AHEAD, Cluster, Order, carry_out, versions
 from mlscli.pipeline.tilewise.connection import connected
 from mlscli.pipeline.tilewise.tiles import Threads, evaluate_tiles, join, tiles_of
+from tests.helpers.killed import MOMENT
 from tests.helpers.maps import CELL, random_points
 from tests.helpers.program import heed_interrupts, mls
 from tests.helpers.stages import Fatal, Hooked
@@ -383,3 +384,22 @@ def test_a_tile_that_kills_every_worker_is_told(
     (tile,) = tiles_of(blocks, pipeline.reach, 10**9)
     with pytest.raises(ClusterError, match="a tile of 3,000 points died, 1 in turn; give each"):
         list(workers.evaluate_all(pipeline, blocks, [tile]))
+
+
+def test_a_build_killed_on_a_cluster_goes_on_there_to_the_same_map(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = np.random.default_rng(5).uniform((0, 0, 0), (90, 7, 0.2), (2000, 3))
+    np.savetxt(tmp_path / "flight.txt", places, fmt="%.5f")
+    one = ("build", "flight.txt", "-c", "plain", "--set", "map.cell_size=0.5")
+    assert mls(*one, "-o", "whole.npz", cwd=tmp_path).returncode == 0
+    there = (*one, "--scheduler", address, "-o", "map.npz")
+    monkeypatch.setenv(MOMENT, "60")
+
+    killed = mls(*there, "--checkpoint-every", "0s", cwd=tmp_path, main="tests.helpers.killed:main")
+    resumed = mls(*there, "--resume", cwd=tmp_path)
+
+    assert (killed.returncode, resumed.returncode) == (-9, 0)
+    assert "tiles were evaluated before" in resumed.stderr
+    assert (tmp_path / "map.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    assert not (tmp_path / "map.npz.checkpoint").exists()
