@@ -17,8 +17,9 @@ _LEAST_PERIOD = 1e-4
 _THESE_YEARS = (1.2e9, 4e9)
 """The years 2008 to 2096, in seconds since 1970."""
 
-_APART = 5.0
-"""Stamps whose delays differ by less (s) are of one clock; messages are under way as long."""
+_APART, _APART_WITHOUT_POSES = 5.0, 0.5
+"""Stamps whose delays differ by less (s) are of one clock; messages are under way as long. Where some
+clouds have no pose at their time, less tells."""
 
 _STEADY, _SHARE = 1.0, 0.8
 """A delay is steady where it is so near the median (s) for so many of the messages."""
@@ -60,13 +61,15 @@ def in_seconds(stamps: Float64) -> Finding[Float64]:
     return doubted(stamps / per_second, f"the time stamps are taken as {name}")
 
 
-def same_clock(clouds: Float64, poses: Float64) -> Finding[float]:
+def same_clock(clouds: Float64, poses: Float64, *, unplaced: bool = False) -> Finding[float]:
     """Return how far the stamps of poses are ahead of those of clouds, by when both were recorded.
 
     Parameters
     ----------
     clouds, poses : float64 (N, 2), (M, 2)
         Stamps and times of recording, in seconds.
+    unplaced : bool
+        Whether there is no pose at the time of some clouds.
 
     Returns
     -------
@@ -89,7 +92,7 @@ def same_clock(clouds: Float64, poses: Float64) -> Finding[float]:
     if max(clouds[0, 1], poses[0, 1]) >= min(clouds[-1, 1], poses[-1, 1]):
         return right(0.0)
     ahead = delays[0] - delays[1]
-    if abs(ahead) <= _APART:
+    if abs(ahead) <= (_APART_WITHOUT_POSES if unplaced else _APART):
         return right(ahead)
     return doubted(
         ahead,

@@ -175,7 +175,7 @@ class Placing:
             return ""
         poses = self._history.times if self._track is None else self._track.times
         first, last = (np.array(times).reshape(-1, 2) for times in (tally.times, tally.latest))
-        note = same_clock(first, poses).note
+        note = same_clock(first, poses, unplaced=UNPLACED in tally.left_out).note
         if not note and not tally.jumps:
             note = same_rate(first, last, poses).note
         way_out = "where their clocks differ, `time_source` log takes the times of recording"

@@ -85,6 +85,16 @@ def test_delays_that_tell_no_clocks_apart_are_passed_over(clouds: Float64, poses
     assert same_clock(poses, clouds).note == ""
 
 
+@pytest.mark.parametrize(("delay", "told"), [(1.1, True), (-0.9, True), (0.3, False)])
+def test_where_clouds_have_no_pose_at_their_time_less_tells_two_clocks(
+    delay: float, told: bool
+) -> None:
+    clouds, poses = recorded(0.1 + delay), recorded(0.1)
+
+    assert not same_clock(clouds, poses).note
+    assert ("their recording" in same_clock(clouds, poses, unplaced=True).note) == told
+
+
 def test_clouds_that_all_bear_one_stamp_are_told() -> None:
     clouds = recorded(0.1, count=10)
     clouds[:, 0] = 1003
