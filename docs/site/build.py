@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 INDEX = """# mls
 
-From a recorded flight to a multi-level surface map and a mesh, with one command.
+What stands where on your recorded flight, what nobody saw, and whether your craft fits through.
 
 ![A hamlet with a bridge over a creek](docs/gallery/hamlet.png)
 
