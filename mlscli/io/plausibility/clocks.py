@@ -18,8 +18,8 @@ _THESE_YEARS = (1.2e9, 4e9)
 """The years 2008 to 2096, in seconds since 1970."""
 
 _APART, _APART_WITHOUT_POSES = 5.0, 0.5
-"""Stamps whose delays differ by less (s) are of one clock; messages are under way as long. Where some
-clouds have no pose at their time, less tells."""
+"""Stamps whose delays differ by less (s) are of one clock; messages are under way as long. Where
+some clouds have no pose at their time, less tells."""
 
 _STEADY, _SHARE = 1.0, 0.8
 """A delay is steady where it is so near the median (s) for so many of the messages."""
