@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
 from mlscli.building.builder import MapBuilder
@@ -175,14 +175,13 @@ Kind = TypeVar("Kind", bound=Stage)
 def test_every_stage_changes_something_in_these_lists_and_clouds() -> None:
     changed: Counter[str] = Counter()
 
-    @settings(max_examples=400, derandomize=True, database=None)
+    @settings(max_examples=200, derandomize=True, database=None)
     @given(flights(), stage_lists())
     def look(flight: list[Points], stages: tuple[Stage, ...]) -> None:
         if flight:
             changed.update(set(changes(together(flight), stages)))
 
-    look()
-    expected = {
+    missing = {
         "median drops",
         "median moves",
         *(f"{stage} heeds {name}" for stage, rules in RULES.items() for name in rules),
@@ -197,7 +196,13 @@ def test_every_stage_changes_something_in_these_lists_and_clouds() -> None:
         "regions moves",
         "regions numbers",
     }
-    assert {what for what in expected if not changed[what]} == set()
+    # What is drawn depends on the modules that are imported, so that few may lack something.
+    for number in range(10):
+        seed(number)(look)()
+        missing -= {*changed}
+        if not missing:
+            break
+    assert not missing
 
 
 RULES: dict[str, dict[str, Any]] = {
