@@ -13,6 +13,7 @@ import base64
 import json
 import math
 import os
+import re
 import zlib
 from importlib import resources
 from typing import Any
@@ -133,15 +134,18 @@ def _filled(header: dict[str, Any], data: bytes) -> bytes:
 
     # No text from the map can close the HTML element that holds the header.
     header_text = json.dumps(header, allow_nan=False).replace("<", "\\u003c")
-    page = part("page.html")
-    for mark, content in (
-        ("/*STYLE*/", part("page.css")),
-        ("/*SCRIPT*/", "\n".join(map(part, SCRIPTS))),
-        ("/*HEADER*/", header_text),
-    ):
-        page = page.replace(mark, content)
-    before, after = page.split("/*DATA*/")
-    return before.encode() + data + after.encode()
+    content = {
+        "STYLE": part("page.css").encode(),
+        "SCRIPT": "\n".join(map(part, SCRIPTS)).encode(),
+        "HEADER": header_text.encode(),
+        "DATA": data,
+    }
+    # In one pass, so that no text from the map is taken for a mark.
+    text, *marked = re.split(rf"/\*({'|'.join(content)})\*/", part("page.html"))
+    filled = [text.encode()]
+    for mark, text in zip(marked[::2], marked[1::2], strict=True):
+        filled += [content[mark], text.encode()]
+    return b"".join(filled)
 
 
 def _pack(surface: SurfaceMap, shown: Picture, title: str) -> tuple[dict[str, Any], bytes]:

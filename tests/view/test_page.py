@@ -311,6 +311,15 @@ def test_a_title_cannot_end_the_element_it_stands_in(browser: Browser, tmp_path:
     assert surface.frame_id in page.text("#about")
 
 
+def test_a_frame_called_as_a_mark_of_the_template_is_no_mark(
+    browser: Browser, tmp_path: Path
+) -> None:
+    surface = replace(crossing(), frame_id="/*DATA*/ /*HEADER*/ /*SCRIPT*/")
+    page = opened(browser, tmp_path / "map.html", surface)
+    assert surface.frame_id in page.text("#about")
+    assert page.errors == []
+
+
 def test_an_existing_page_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "map.html"
     path.write_text("mine")
