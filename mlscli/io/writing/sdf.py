@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +21,9 @@ from mlscli.runtime.temporary import temporary_folder
 
 VERSION = "1.7"
 WORLD, MODEL = "map", "surface"
+
+# Characters that XML 1.0 cannot hold.
+_NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class World(NamedTuple):
@@ -74,10 +78,8 @@ def write_sdf(
     target = Path(path)
     if target.suffix.lower() not in (".sdf", ".world"):
         raise OutputError(f"{target}: Gazebo reads worlds as .sdf or .world; end the name so")
-    try:
-        target.name.encode("utf-8")
-    except UnicodeEncodeError:
-        raise OutputError(f"{target}: an SDF file cannot name its mesh so; rename it") from None
+    if _NOT_IN_XML.search(target.name):
+        raise OutputError(f"{target}: an SDF file cannot name its mesh so; rename it")
     if not len(mesh.triangles):
         raise UsageError("the map has no surface; there is nothing to make a world of")
     used = np.unique(mesh.triangles)

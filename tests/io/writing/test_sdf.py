@@ -100,8 +100,9 @@ def test_gazebo_s_parser_finds_a_static_model_with_the_mesh(tmp_path: Path) -> N
 def test_what_cannot_be_is_refused_and_nothing_is_left(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"end the name so"):
         write_sdf(tmp_path / "a.xml", house())
-    with pytest.raises(OutputError, match="cannot name its mesh"):
-        write_sdf(tmp_path / "a\udcff.sdf", house())
+    for name in ("a\udcff.sdf", "a\x1b[31m.sdf", "a\x01.sdf"):
+        with pytest.raises(OutputError, match="cannot name its mesh"):
+            write_sdf(tmp_path / name, house())
     beside = re.escape(f"{tmp_path / 'a'}\nb.obj: an OBJ file cannot name")
     with pytest.raises(OutputError, match=beside):
         write_sdf(tmp_path / "a\nb.sdf", house())
