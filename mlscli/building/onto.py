@@ -26,7 +26,6 @@ from mlscli.maps.surface_map import SurfaceMap
 from mlscli.pipeline.parameters import AUTO, Parameters, to_dict
 from mlscli.pipeline.pipeline import Progress
 from mlscli.pipeline.tilewise.cluster import Cluster
-from mlscli.pipeline.tilewise.connection import connected
 
 ONTO = "onto"
 """The key in a map's meta of how it was added to others: for each, its name and how."""
@@ -141,7 +140,7 @@ def build_onto(
     progress: Progress | None = None,
     follow: Follower | None = None,
     jobs: int | None = None,
-    scheduler: str | Cluster | None = None,
+    cluster: Cluster | None = None,
     *,
     keep_points: bool = False,
 ) -> Build:
@@ -154,9 +153,11 @@ def build_onto(
         In the frame of the map.
     parameters : Parameters
         Those of the map, see `parameters_of`.
-    progress, follow, jobs, scheduler
-        As for `mlscli.building.build.build`; `jobs` and `scheduler` only where the map's points
-        were kept. Where they were not, the first change is the map itself.
+    progress, follow, jobs
+        As for `mlscli.building.build.build`; `jobs` only where the map's points were kept. Where
+        they were not, the first change is the map itself.
+    cluster : Cluster, optional
+        Whose workers evaluate the tiles, where the map's points were kept; else as `jobs` says.
     keep_points : bool
         Whether the points of both are returned, too.
 
@@ -173,18 +174,6 @@ def build_onto(
     MlsError
         As for `build`.
     """
-    if isinstance(scheduler, str):
-        with connected(scheduler) as cluster:
-            return build_onto(
-                earlier,
-                recording,
-                parameters,
-                progress,
-                follow,
-                jobs,
-                cluster,
-                keep_points=keep_points,
-            )
     surface, points = earlier.surface, earlier.points
     if keep_points and points is None:
         raise UsageError(f"`keep_points`: {earlier.name} kept no points; leave it out")
@@ -207,7 +196,7 @@ def build_onto(
         progress=progress,
         follow=follow,
         jobs=jobs,
-        cluster=scheduler,
+        cluster=cluster,
     )
     keeper = PointKeeper()
     keyframes: Iterator[Keyframe] = read(recording, builder.report, progress)

@@ -179,6 +179,7 @@ def command(
     from mlscli.io.writing.npz import write_map
     from mlscli.maps.surface_map import SurfaceMap
     from mlscli.pipeline.tilewise.checkpoint import Checkpoint, folder_of
+    from mlscli.pipeline.tilewise.connection import connected
 
     begin = time.perf_counter()
     _check_kept(
@@ -235,15 +236,10 @@ def command(
             follow = played.follow
         built: Build | LargeBuild
         if earlier is not None:
+            cluster = None if scheduler is None else stack.enter_context(connected(scheduler))
+            shared = jobs, cluster
             built = build_onto(
-                earlier,
-                recording,
-                parameters,
-                progress,
-                follow,
-                jobs,
-                scheduler,
-                keep_points=keep_points,
+                earlier, recording, parameters, progress, follow, *shared, keep_points=keep_points
             )
         elif memory is None:
             built = build(
