@@ -262,7 +262,8 @@ class Recording:
             ended = Pass(self._messages, self._is_timeless, self._selection.by_time, by_header)
             # What clouds contradict themselves in may be why nothing of them is left.
             doubts = [note for source in self._sources for note in source.notes]
-            raise InputError(why_empty(self.sources, tally, [*self.losses, *doubts], ended))
+            why = why_empty(self.sources, tally, self.losses, ended)
+            raise InputError("; ".join([why, *doubts]))
 
     @property
     def _is_part(self) -> bool:

@@ -6,11 +6,11 @@ A patch stays if at least `min_neighbours` other patches lie in its box: cell in
 
 With `min_share`, it must also be a part of what was measured around it, in a box of its own,
 `share_horizontal` and `share_vertical`: of the points of all patches in the columns of that box, it
-and those near it in height hold at least that share. Outliers
-that lie near each other bear each other out, but where a surface was seen well, they are few beside
-its points. A surface that was seen as seldom as all around it is none of them. Of a tower with
-hundreds of levels each holds next to nothing: where the cells of the box hold more than 10 patches
-in the mean, what 10 in each hold in the mean counts as all.
+and those near it in height hold at least that share. Outliers that lie near each other bear each
+other out, but where a surface was seen well, they are few beside its points. A surface that was
+seen as seldom as all around it is none of them. Of a tower with hundreds of levels each holds next
+to nothing: where the cells of the box hold more than 10 patches in the mean, what 10 in each hold
+in the mean counts as all.
 """
 
 from __future__ import annotations
